@@ -1,0 +1,1 @@
+"""Data only: the intermediate representations that the stages hand to each other."""
