@@ -1,0 +1,1 @@
+"""Neurally directed program search."""
