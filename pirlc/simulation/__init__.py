@@ -1,0 +1,1 @@
+"""Environments and rollouts: of programs, of compiled controllers and of oracles alike."""

@@ -1,0 +1,38 @@
+"""What a rollout needs of whatever chooses the actions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Policy(Protocol):
+    """Anything that acts: a program, a compiled controller, an oracle."""
+
+    def reset(self) -> None:
+        """Forget the episode before; called once ahead of every episode."""
+
+    def act(self, observation: NDArray[np.float64]) -> tuple[float, ...]:
+        """The action for an observation of shape (d,): one number a component of the environment.
+
+        A discrete action is the environment's own number, as a float. NaN in an observation is a
+        reading that is missing.
+        """
+
+
+PolicyFactory = Callable[[], Policy]
+"""Makes a policy; picklable (by cloudpickle), since worker processes call it."""
+
+
+@dataclass(frozen=True)
+class Ready:
+    """The factory of a policy that can itself be pickled, such as an oracle."""
+
+    policy: Policy
+
+    def __call__(self) -> Policy:
+        return self.policy
