@@ -204,6 +204,7 @@ def join(sets: Sequence[HistorySet]) -> HistorySet:
 
 def _chain(interface: Interface, precision: Precision, parts: Sequence[HistorySet]) -> HistorySet:
     """Flat sets one behind the other, gaps of window - 1 places between them."""
+    parts = [part for part in parts if len(part)]
     gap = interface.window - 1
     dtype = dtype_of(precision)
     places, offset = [], 0
