@@ -1,0 +1,217 @@
+"""One attempt at training: a Stable-Baselines3 learner, evaluated as it goes."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import torch
+from gymnasium import spaces
+from numpy.typing import NDArray
+from stable_baselines3 import DDPG, DQN, PPO, SAC, TD3
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.vec_env import VecEnv
+
+from pirlc.diagnostics import PirlcError, suggestion
+from pirlc.oracle.dueling import DuelingDoubleDQN, DuelingPolicy
+from pirlc.oracle.export import export
+from pirlc.oracle.manifest import Json
+from pirlc.oracle.network import NetworkOracle, Scaling
+from pirlc.oracle.problems import BadHyperparameter, TrainingFailed, UnsupportedNetwork, failure
+from pirlc.oracle.train import Tell, Training
+from pirlc.simulation.environments import EnvironmentFacts, Simulator, make
+
+THREADS = 1
+"""Of torch: two make networks of this size slower (measured, see docs/oracles.md)."""
+_TELL_EVERY = 1_000
+_PROGRESS = 0.01
+"""An evaluation counts as better from this relative gain on, when patience is counted."""
+
+_LEARNERS: dict[str, tuple[Any, Any]] = {
+    "ppo": (PPO, "MlpPolicy"),
+    "dqn": (DQN, "MlpPolicy"),
+    "duel-ddqn": (DuelingDoubleDQN, DuelingPolicy),
+    "td3": (TD3, "MlpPolicy"),
+    "sac": (SAC, "MlpPolicy"),
+    "ddpg": (DDPG, "MlpPolicy"),
+}
+_OURS = {"net_arch", "noise"}
+"""Hyperparameters that are not arguments of the learner's constructor as they stand."""
+_RESERVED = {"policy", "env", "seed", "device", "verbose", "_init_setup_model", "policy_kwargs"}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The best policy of an attempt, by its mean return in the evaluations."""
+
+    oracle: NetworkOracle
+    best_return: float
+    steps: int
+
+
+Evaluate = Callable[[NetworkOracle], float]
+
+
+class Adapted(gym.Wrapper[Any, Any, Any, Any]):
+    """An environment as a learner likes it: scaled binary32 observations, actions from 0."""
+
+    def __init__(self, simulator: Simulator, scaling: Scaling) -> None:
+        super().__init__(simulator)
+        self.scaling = scaling
+        shape = scaling.offset.shape
+        self.observation_space = spaces.Box(-np.inf, np.inf, shape, np.float32)
+        self.first = 0
+        if isinstance(simulator.action_space, spaces.Discrete):
+            self.first = int(simulator.action_space.start)
+            self.action_space = spaces.Discrete(int(simulator.action_space.n))
+
+    def _seen(self, observation: Any) -> NDArray[np.float32]:
+        x = np.asarray(observation, dtype=np.float32)
+        x = np.where(np.isfinite(x), x, np.float32(0))
+        scaled: NDArray[np.float32] = (x - self.scaling.offset) / self.scaling.scale
+        return scaled
+
+    def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:
+        observation, info = self.env.reset(**arguments)
+        return self._seen(observation), info
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        if isinstance(self.action_space, spaces.Discrete):
+            action = int(action) + self.first
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        return self._seen(observation), reward, terminated, truncated, info
+
+
+def scaling_of(facts: EnvironmentFacts, scale: bool) -> Scaling:
+    """Onto [-1, 1] where the observation space is bounded; as it is elsewhere."""
+    low, high = np.array(facts.observation_lower), np.array(facts.observation_upper)
+    # Binary32's largest number stands for "unbounded" in some environments.
+    bounded = scale & (np.abs(low) < 1e30) & (np.abs(high) < 1e30) & (high > low)
+    with np.errstate(invalid="ignore", over="ignore"):
+        offset = np.where(bounded, low * 0.5 + high * 0.5, 0.0)
+        half = np.where(bounded, high * 0.5 - low * 0.5, 1.0)
+    return Scaling(offset.astype(np.float32), half.astype(np.float32))
+
+
+def run_attempt(
+    training: Training, seed: int, evaluate: Evaluate, tell: Tell, trust: bool
+) -> Outcome:
+    """Train once from a seed. Raises PirlcError E0613, E0614, and what the environment raises."""
+    scaling = scaling_of(training.facts, training.settings.scale)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(THREADS)
+    environments: VecEnv | None = None
+    try:
+        environments = make_vec_env(
+            lambda: Adapted(make(training.environment, trust), scaling),
+            n_envs=training.settings.copies,
+            seed=seed,
+        )
+        learner = _learner(training, environments, seed)
+        watch = _Watch(training, scaling, evaluate, tell)
+        learner.learn(training.settings.steps, callback=watch)
+        watch.judge()
+    except (KeyboardInterrupt, PirlcError):
+        raise
+    except Exception as error:
+        words = f"{type(error).__name__}: {error}"
+        name = training.algorithm
+        raise failure(TrainingFailed(name, training.facts.id, words)) from error
+    finally:
+        torch.set_num_threads(threads)
+        if environments is not None:
+            environments.close()
+    assert watch.best is not None
+    return Outcome(watch.best, watch.best_return, watch.num_timesteps)
+
+
+def _learner(training: Training, environments: VecEnv, seed: int) -> Any:
+    name, given = training.algorithm, dict(training.settings.learner)
+    learner, policy = _LEARNERS[name]
+    signature = inspect.signature(learner.__init__).parameters
+    accepted = set(signature) | set(inspect.signature(learner.__mro__[1].__init__).parameters)
+    accepted = (accepted - _RESERVED - {"self", "args", "kwargs", "action_noise"}) | {"net_arch"}
+    if name in ("td3", "ddpg", "sac"):
+        accepted.add("noise")
+    for key in given:
+        if key not in accepted:
+            reason = "Stable-Baselines3 has no argument of that name for it"
+            raise failure(BadHyperparameter(name, key, reason, suggestion(key, sorted(accepted))))
+    arguments = {
+        key: _decoded(name, key, value) for key, value in given.items() if key not in _OURS
+    }
+    if "net_arch" in given:
+        arguments["policy_kwargs"] = {"net_arch": given["net_arch"]}
+    if "noise" in given:
+        k = training.facts.components
+        arguments["action_noise"] = NormalActionNoise(np.zeros(k), np.full(k, given["noise"]))
+    try:
+        return learner(policy, environments, seed=seed, device="cpu", **arguments)
+    except (TypeError, ValueError, AssertionError) as error:
+        listed = ", ".join(sorted(given))
+        raise failure(BadHyperparameter(name, listed, str(error), None)) from error
+
+
+def _decoded(algorithm: str, key: str, value: Json) -> Any:
+    if not isinstance(value, str) or not value.startswith("lin_"):
+        return value
+    try:
+        start = float(value.removeprefix("lin_"))
+    except ValueError:
+        reason = f"{value!r} is not of the form 'lin_0.001'"
+        raise failure(BadHyperparameter(algorithm, key, reason, None)) from None
+    return lambda remaining: remaining * start
+
+
+class _Watch(BaseCallback):
+    """Evaluates, keeps the best, and says when to stop."""
+
+    def __init__(
+        self, training: Training, scaling: Scaling, evaluate: Evaluate, tell: Tell
+    ) -> None:
+        super().__init__()
+        self.training, self.scaling = training, scaling
+        self.evaluate, self.tell = evaluate, tell
+        self.best: NetworkOracle | None = None
+        self.best_return = -math.inf
+        self._mark = -math.inf
+        self._stale = self._full = self._judged = self._told = 0
+
+    def judge(self) -> bool:
+        """Evaluate the policy as it is now; False when training need not go on."""
+        settings = self.training.settings
+        self._judged = self.num_timesteps
+        try:
+            oracle = export(self.model.policy, self.training.facts.actions, self.scaling)
+        except ValueError as error:
+            raise failure(UnsupportedNetwork(self.training.algorithm, str(error))) from error
+        if not all(np.isfinite(w).all() for w in (*oracle.network.weights, *oracle.network.biases)):
+            raise ArithmeticError("the network's weights are no longer finite")
+        now = self.evaluate(oracle)
+        if now > self.best_return or self.best is None:
+            self.best, self.best_return = oracle, now
+        self._full = self._full + 1 if settings.enough is not None and now >= settings.enough else 0
+        if self.best_return > self._mark + _PROGRESS * abs(self._mark) or self._mark == -math.inf:
+            self._mark, self._stale = self.best_return, 0
+        else:
+            self._stale += 1
+        good = settings.acceptable is not None and self.best_return >= settings.acceptable
+        return self._full < 2 and not (good and self._stale >= settings.patience)
+
+    def _on_step(self) -> bool:
+        taken = self.num_timesteps
+        if taken - self._told >= _TELL_EVERY:
+            self._told = taken
+            recent = [episode["r"] for episode in self.model.ep_info_buffer or ()]
+            mean = math.fsum(recent) / len(recent) if recent else None
+            self.tell(taken, mean, self.best_return if self.best is not None else None)
+        if taken - self._judged >= self.training.settings.evaluate_every:
+            return self.judge()
+        return True

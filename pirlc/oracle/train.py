@@ -1,0 +1,216 @@
+"""Training an oracle with Stable-Baselines3, or finding it among those trained before.
+
+The policy is evaluated every so often in an environment of its own; the best one seen is kept.
+Training ends when its budget is used, when an evaluation reaches all that can be reached
+(`Settings.enough`, twice in a row), or when an acceptable policy has stopped getting better. An
+attempt that ends below what is acceptable is followed by another from a fresh seed. Nothing is
+written before the end, so an interruption leaves nothing behind.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import platform
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from pirlc import __version__
+from pirlc.diagnostics import PirlcError
+from pirlc.ir.policy import Environment
+from pirlc.oracle.manifest import FORMAT, Json, Manifest, environment_as_json
+from pirlc.oracle.network import NetworkOracle
+from pirlc.oracle.settings import (
+    Settings,
+    default_algorithm,
+    default_settings,
+    settings_as_json,
+    with_overrides,
+)
+from pirlc.oracle.store import StoredOracle, load_stored, save_oracle
+from pirlc.simulation.environments import EnvironmentFacts, facts_of, make
+from pirlc.simulation.rollout import estimate, run_returns
+
+SELECTION_SEEDS = range(500_000, 500_025)
+"""The episodes that the kept policy is chosen by."""
+SCORE_SEEDS = range(510_000, 510_100)
+"""The episodes that the manifest's return is measured on."""
+_TRAINING_SEEDS = range(400_000, 500_000)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a training is.
+
+    `fraction` of all steps that it may yet take (0 to 1; attempts that turn out not to be needed
+    are skipped at the end), `recent` the mean return of the last exploring episodes and `best`
+    the best evaluation so far; None before there is one.
+    """
+
+    fraction: float
+    steps: int
+    attempt: int
+    recent: float | None
+    best: float | None
+
+
+Report = Callable[[Progress], None]
+
+Tell = Callable[[int, float | None, float | None], None]
+"""What an attempt calls with its steps, recent return and best evaluation."""
+
+
+@dataclass(frozen=True)
+class Training:
+    """All that determines an oracle, but for the versions of the libraries."""
+
+    environment: Environment
+    facts: EnvironmentFacts
+    algorithm: str
+    settings: Settings
+    seed: int
+
+
+def plan(
+    environment: Environment,
+    facts: EnvironmentFacts,
+    *,
+    algorithm: str | None = None,
+    seed: int = 0,
+    overrides: Mapping[str, Json] | None = None,
+) -> Training:
+    """The training that these choices ask for. Raises PirlcError E0611 to E0613."""
+    name = default_algorithm(facts) if algorithm is None else algorithm
+    settings = with_overrides(default_settings(name, facts), name, overrides or {})
+    return Training(environment, facts, name, settings, seed)
+
+
+def versions() -> dict[str, str]:
+    """What a training's outcome depends on beside its settings."""
+    libraries = ("gymnasium", "numpy", "stable_baselines3", "torch")
+    return {"pirlc": __version__, "python": platform.python_version()} | {
+        name: version(name) for name in libraries
+    }
+
+
+def cache_folder(training: Training, cache: Path) -> Path:
+    """Where in a cache the oracle of a training is kept; its name ends in a hash of all of it."""
+    content = {
+        "format": FORMAT,
+        "environment": environment_as_json(training.environment),
+        "algorithm": training.algorithm,
+        "settings": settings_as_json(training.settings),
+        "seed": training.seed,
+        "versions": versions(),
+    }
+    key = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    plain = "".join(
+        c if c.isascii() and (c.isalnum() or c in "-.") else "_" for c in training.facts.id
+    )
+    return cache / f"{plain[:60]}-{training.algorithm}-{training.seed}-{key[:16]}"
+
+
+def cached(training: Training, cache: Path) -> StoredOracle | None:
+    """The oracle of a training that was done before, if it is there and undamaged."""
+    folder = cache_folder(training, cache)
+    if not folder.is_dir():
+        return None
+    try:
+        return load_stored(folder)
+    except PirlcError:
+        return None
+
+
+def train_or_load(
+    training: Training, cache: Path, report: Report | None = None, *, trust: bool = False
+) -> StoredOracle:
+    """The oracle of a training, trained only if `cache` does not hold it already.
+
+    Raises PirlcError E0501 to E0506, E0514 to E0518, E0613 to E0615.
+    """
+    known = cached(training, cache)
+    if known is not None:
+        return known
+    oracle, manifest = train(training, report, trust=trust)
+    return save_oracle(oracle, manifest, cache_folder(training, cache))
+
+
+def train(
+    training: Training, report: Report | None = None, *, trust: bool = False
+) -> tuple[NetworkOracle, Manifest]:
+    """Train, whatever may be cached. Raises as `train_or_load` does."""
+    from pirlc.oracle.attempt import run_attempt
+
+    settings = training.settings
+    began = time.monotonic()
+    simulator = make(training.environment, trust)
+    try:
+        facts_of(simulator, training.environment)
+
+        def evaluate(oracle: NetworkOracle) -> float:
+            return math.fsum(run_returns(simulator, oracle, SELECTION_SEEDS)) / len(SELECTION_SEEDS)
+
+        best: NetworkOracle | None = None
+        best_return, steps, attempt = -math.inf, 0, 0
+        while attempt < settings.attempts:
+            tell = _teller(report, settings, attempt, steps, best_return)
+            outcome = run_attempt(
+                training, attempt_seed(training.seed, attempt), evaluate, tell, trust
+            )
+            attempt += 1
+            steps += outcome.steps
+            if best is None or outcome.best_return > best_return:
+                best, best_return = outcome.oracle, outcome.best_return
+            if settings.acceptable is None or best_return >= settings.acceptable:
+                break
+        assert best is not None
+        score = estimate(run_returns(simulator, best, SCORE_SEEDS))
+    finally:
+        simulator.close()
+    if report is not None:
+        report(Progress(1.0, steps, attempt, None, best_return))
+    network = best.network
+    return best, Manifest(
+        environment=training.environment,
+        algorithm=training.algorithm,
+        hyperparameters=settings_as_json(settings),
+        seed=training.seed,
+        steps=steps,
+        attempts=attempt,
+        seconds=round(time.monotonic() - began, 1),
+        versions=versions(),
+        score=score,
+        first_seed=SCORE_SEEDS[0],
+        layers=network.layers,
+        activation=network.activation,
+        head=best.head,
+        scaled=settings.scale,
+        sha256="",
+    )
+
+
+def _teller(
+    report: Report | None, settings: Settings, attempt: int, before: int, best_before: float
+) -> Tell:
+    """How an attempt reports: its own steps and returns come after those `before`."""
+
+    def tell(taken: int, recent: float | None, best: float | None) -> None:
+        if report is not None:
+            done = min(1.0, (attempt + taken / settings.steps) / settings.attempts)
+            top = best_before if best is None else max(best_before, best)
+            shown = top if math.isfinite(top) else None
+            report(Progress(done, before + taken, attempt + 1, recent, shown))
+
+    return tell
+
+
+def attempt_seed(seed: int, attempt: int) -> int:
+    """A seed for one attempt, apart from all that anything is evaluated on."""
+    drawn = int(np.random.SeedSequence([seed, attempt]).generate_state(1)[0])
+    return _TRAINING_SEEDS[drawn % (len(_TRAINING_SEEDS) - 1_000)]
