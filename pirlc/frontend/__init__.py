@@ -52,11 +52,11 @@ def _elaborate(
                 pass
     bodies, rules, properties = elaborate_expressions(declared, collector)
     sketch = Sketch(declared.interface, declared.parameters, rules, bodies, properties)
-    wellformed.judge(declared, sketch, tree, collector)
+    wellformed.judge(declared, sketch, collector)
     if collector.found:
         ordered = sorted(collector.found, key=_place)
         raise PirlcError(describe(found, source) for found in ordered)
-    wellformed.warnings(declared, sketch, tree, collector)
+    wellformed.warnings(declared, sketch, collector)
     return sketch, tuple(describe(found, source) for found in collector.found)
 
 

@@ -88,9 +88,7 @@ class _Builder(Transformer_NonRecursive[Token, Any]):
     def missing(self, meta: Meta, children: list[Any]) -> syntax.Missing:
         names = _names(children)
         limit = _only(children, syntax.Number)
-        return syntax.Missing(
-            names[0], limit, names[1] if len(names) > 1 else None, _span(meta)
-        )
+        return syntax.Missing(names[0], limit, names[1] if len(names) > 1 else None, _span(meta))
 
     def window(self, meta: Meta, children: list[Any]) -> syntax.Setting:
         return syntax.Setting("window", children[0], _span(meta))
@@ -173,17 +171,15 @@ class _Builder(Transformer_NonRecursive[Token, Any]):
 
     def binary(self, meta: Meta, children: list[Any]) -> syntax.Binary:
         left, token, right = children
-        return syntax.Binary(Operator(str(token)), left, right, _span(token), _span(meta))
+        return syntax.Binary(Operator(str(token)), left, right, _span(meta))
 
     def conditional(self, meta: Meta, children: list[Any]) -> syntax.Conditional:
-        condition, then, consequent, otherwise, alternative = children
-        return syntax.Conditional(
-            condition, consequent, alternative, _span(then), _span(otherwise), _span(meta)
-        )
+        condition, _, consequent, _, alternative = children
+        return syntax.Conditional(condition, consequent, alternative, _span(meta))
 
     def binding(self, meta: Meta, children: list[Any]) -> syntax.Binding:
-        name, value, in_, body = children
-        return syntax.Binding(_name(name), value, body, _span(in_), _span(meta))
+        name, value, _, body = children
+        return syntax.Binding(_name(name), value, body, _span(meta))
 
     def lambda_(self, meta: Meta, children: list[Any]) -> syntax.Lambda:
         element, accumulator, _, body = children

@@ -119,9 +119,7 @@ def bounds(range_: syntax.Range, *, point: bool, collector: Collector) -> tuple[
     """The two numbers of a range; `point` is whether they may be equal."""
     lower, upper = range_.lower.value, range_.upper.value
     if lower > upper or (lower == upper and not point):
-        collector.add(
-            problems.EmptyRange(range_.span, range_.lower.text, range_.upper.text, point)
-        )
+        collector.add(problems.EmptyRange(range_.span, range_.lower.text, range_.upper.text, point))
     return lower, upper
 
 
@@ -156,15 +154,11 @@ def _single(
 
 def _first(declarations: list[_D], keyword: str, collector: Collector) -> _D | None:
     for repeated in declarations[1:]:
-        collector.add(
-            problems.RepeatedDeclaration(repeated.span, keyword, declarations[0].span)
-        )
+        collector.add(problems.RepeatedDeclaration(repeated.span, keyword, declarations[0].span))
     return declarations[0] if declarations else None
 
 
-def _setting(
-    tree: syntax.SyntaxTree, keyword: str, collector: Collector
-) -> syntax.Number | None:
+def _setting(tree: syntax.SyntaxTree, keyword: str, collector: Collector) -> syntax.Number | None:
     settings = [d for d in _all(tree, syntax.Setting) if d.keyword == keyword]
     first = _first(settings, keyword, collector)
     return first.value if first else None
@@ -301,9 +295,7 @@ def _action(
     return policy.ActionSpec(name.text, domain, component, name.span), body
 
 
-def _domain(
-    declaration: syntax.Action, collector: Collector
-) -> policy.Continuous | policy.Choice:
+def _domain(declaration: syntax.Action, collector: Collector) -> policy.Continuous | policy.Choice:
     safe = declaration.safe[0] if declaration.safe else None
     inside = True
     domain: policy.Continuous | policy.Choice

@@ -60,7 +60,9 @@ class Elaborator:
 
     # The two directions.
 
-    def check(self, expression: Expression, expected: Type, context: Context, role: str) -> Term | None:
+    def check(
+        self, expression: Expression, expected: Type, context: Context, role: str
+    ) -> Term | None:
         """The term of an expression that must have the expected type."""
         match expression:
             case syntax.Group(inner=inner):
@@ -124,7 +126,9 @@ class Elaborator:
         if found == expected:
             return term
         self.collector.add(
-            problems.TypeMismatch(term.span, str(expected), str(found), role, _advice(expected, found))
+            problems.TypeMismatch(
+                term.span, str(expected), str(found), role, _advice(expected, found)
+            )
         )
         return None
 
@@ -285,9 +289,7 @@ class Elaborator:
         type_ = type_of(term)
         assert isinstance(type_, Sequence)
         if not -type_.length <= index <= -1:
-            self.collector.add(
-                problems.IndexOutside(position.span, index, type_.length, term.span)
-            )
+            self.collector.add(problems.IndexOutside(position.span, index, type_.length, term.span))
             return None
         return terms.Peek(term, index, span)
 
@@ -346,9 +348,7 @@ class Elaborator:
     def _conditional(
         self, conditional: syntax.Conditional, expected: Type, context: Context
     ) -> Term | None:
-        condition = self.check(
-            conditional.condition, Bool(), context, "the condition of an `if`"
-        )
+        condition = self.check(conditional.condition, Bool(), context, "the condition of an `if`")
         if isinstance(expected, Sequence):
             self.collector.add(problems.BranchNotAtom(conditional.span, str(expected)))
             return None
@@ -406,7 +406,7 @@ class Elaborator:
             (formal.text, type_)
             for formal, type_ in zip(rule.formals, instance.arguments, strict=True)
         )
-        self.collector.context = _use(rule, parameters, instance.result)
+        self.collector.context = _use(rule, parameters) if parameters else None
         alternatives = tuple(
             self.check(
                 alternative,
@@ -455,12 +455,10 @@ def elaborate_property(declaration: syntax.Property, elaborator: Elaborator) -> 
     if over is not None:
         what = "the number of steps of a property"
         steps = limited(over, what, 1, WINDOW_LIMIT, elaborator.collector) or 1
-    shell = Property(
-        name.text, terms.Literal(0.0), steps, over is not None, name.span
-    )
+    shell = Property(name.text, terms.Literal(0.0), steps, over is not None, name.span)
     context = Context({}, {}, shell)
     body = elaborator.check(declaration.body, Bool(), context, f"the property {name.text}")
-    return body and replace(shell, body=body)
+    return replace(shell, body=body) if body is not None else None
 
 
 def _steps(context: Context) -> int | None:
@@ -480,9 +478,9 @@ def _hole(hole: syntax.Hole, context: Context) -> Term | None:
     return terms.Hole(hole.name.text, lower, upper, guess, hole.span)
 
 
-def _use(rule: syntax.Rule, parameters: tuple[tuple[str, Type], ...], result: Type) -> str:
-    given = ", ".join(f"{name} : {type_}" for name, type_ in parameters)
-    return f"in {rule.name.text}" + (f"({given})" if given else "") + f" as {result}"
+def _use(rule: syntax.Rule, parameters: tuple[tuple[str, Type], ...]) -> str:
+    given = ", ".join(f"{name} a {type_}" for name, type_ in parameters)
+    return f"this is `{rule.name.text}` with {given}"
 
 
 def _advice(expected: Type, found: Type) -> str | None:

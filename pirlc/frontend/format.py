@@ -15,7 +15,7 @@ from pirlc.frontend import syntax
 from pirlc.frontend.parse import parse
 from pirlc.ir import layout
 from pirlc.ir.layout import Document, Piece, Remark, Text, together, word
-from pirlc.source import SourceText, Span
+from pirlc.source import SourceText
 
 _Remarks = list[tuple[int, Remark]]
 
@@ -31,15 +31,32 @@ def format_source(source: SourceText) -> str:
     last_end = 0
     for declaration in tree.declarations:
         start, end = declaration.span.start, declaration.span.end
+        body = _body_start(declaration)
         above = [item for item in remarks if last_end <= item[0] < start]
-        inside = [item for item in remarks if start <= item[0] < end]
+        # A comment in the head of a declaration has no good place there: it goes above.
+        head = [Remark(remark.text, True) for at, remark in remarks if start <= at < body]
+        inside = [item for item in remarks if body <= item[0] < end]
         last_end = _comments(out, above, source.text, last_end)
         _blank(out, source.text[last_end:start])
+        out.extend(remark.text for remark in head)
         document = layout.with_remarks(_declaration(declaration), inside)
         out.append(layout.render(document))
         last_end = end
     _comments(out, [item for item in remarks if item[0] >= last_end], source.text, last_end)
     return "\n".join(out) + "\n" if out else ""
+
+
+def _body_start(declaration: syntax.Declaration) -> int:
+    """Where the part of a declaration begins that may have comments between its words."""
+    match declaration:
+        case syntax.Environment(arguments=(first, *_)):
+            return first.span.start
+        case syntax.Action(equals=(*_, body)):
+            return body.span.start
+        case syntax.Rule() | syntax.Property():
+            return syntax.expressions(declaration)[0].span.start
+        case _:
+            return declaration.span.end
 
 
 def _clean(comment: str) -> str:
@@ -94,7 +111,8 @@ def _declaration(declaration: syntax.Declaration) -> Document:
         case syntax.Rule(name=name, formals=formals, alternatives=alternatives):
             listed = ", ".join(formal.text for formal in formals)
             head = f"rule {name.text}" + (f"({listed})" if formals else "")
-            return layout.definition(head, [_piece(a) for a in alternatives])
+            starts = [alternative.span.start for alternative in alternatives]
+            return layout.definition(head, [_piece(a) for a in alternatives], starts)
         case syntax.Property(name=name, over=over, body=body):
             head = f"property {name.text}" + (f" over {over.text}" if over else "")
             return layout.definition(head, [_piece(body)])
@@ -167,17 +185,19 @@ def _piece(expression: syntax.Expression) -> Piece:
             return layout.call(name.text, map(_piece, arguments), start)
         case syntax.Unary(operator=operator, operand=operand):
             return layout.prefix(operator, _piece(operand), start)
-        case syntax.Binary(operator=operator, left=left, right=right, operator_span=at):
-            return layout.infix(operator, _piece(left), _piece(right), at.start)
+        case syntax.Binary(operator=operator, left=left, right=right):
+            # A comment between an operator and its right operand goes before the operator,
+            # where a line ends.
+            return layout.infix(operator, _piece(left), _piece(right), right.span.start)
         case syntax.Conditional(
             condition=condition, consequent=consequent, alternative=alternative
         ):
-            places = (start, expression.then_span.start, expression.else_span.start)
+            places = (start, consequent.span.start, alternative.span.start)
             return layout.conditional(
                 _piece(condition), _piece(consequent), _piece(alternative), places
             )
-        case syntax.Binding(name=name, value=value, body=body, in_span=in_):
-            places = (start, name.span.start, in_.start)
+        case syntax.Binding(name=name, value=value, body=body):
+            places = (start, name.span.start)
             return layout.binding(name.text, _piece(value), _piece(body), places)
         case syntax.Lambda(element=element, accumulator=accumulator, body=body):
             return layout.lambda_(element.text, accumulator.text, _piece(body), start)

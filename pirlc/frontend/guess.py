@@ -64,9 +64,7 @@ class Guesser:
         # While it is being found out, a rule that calls itself learns nothing from that.
         self._known[key] = None
         rule = self.scope.rules[name]
-        names = {
-            formal.text: type_ for formal, type_ in zip(rule.formals, arguments, strict=False)
-        }
+        names = {formal.text: type_ for formal, type_ in zip(rule.formals, arguments, strict=False)}
         found = self._first(rule.alternatives, names)
         if found is None:
             del self._known[key]
@@ -105,9 +103,7 @@ class Guesser:
                 return found
         return Real()
 
-    def _call(
-        self, name: str, arguments: tuple[Expression, ...], names: Locals
-    ) -> Type | None:
+    def _call(self, name: str, arguments: tuple[Expression, ...], names: Locals) -> Type | None:
         if name in self.scope.rules:
             types = tuple(self.type_of(argument, names) or Real() for argument in arguments)
             return self.rule(name, types)

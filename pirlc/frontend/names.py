@@ -42,9 +42,7 @@ def check_rule(rule: syntax.Rule, scope: Scope, collector: Collector) -> None:
     for formal in rule.formals:
         _check_local(formal, place)
         if formal.text in first:
-            collector.add(
-                problems.DuplicateName(formal.span, formal.text, first[formal.text].span)
-            )
+            collector.add(problems.DuplicateName(formal.span, formal.text, first[formal.text].span))
         first.setdefault(formal.text, formal)
     for alternative in rule.alternatives:
         _check_holes(alternative, collector)
@@ -185,9 +183,7 @@ def _count(call: syntax.Call, wanted: int, place: _Place) -> None:
     given = len(call.arguments)
     if given != wanted:
         text = call.name.text
-        place.collector.add(
-            problems.WrongArgumentCount(call.name.span, text, USAGES[text], given)
-        )
+        place.collector.add(problems.WrongArgumentCount(call.name.span, text, USAGES[text], given))
 
 
 def _action_call(call: syntax.Call, place: _Place) -> None:
@@ -197,9 +193,7 @@ def _action_call(call: syntax.Call, place: _Place) -> None:
     for argument in map(ungrouped, call.arguments[:1]):
         wanted = "an action"
         if not isinstance(argument, syntax.Name):
-            place.collector.add(
-                problems.WrongKind(argument.span, "", "an expression", wanted)
-            )
+            place.collector.add(problems.WrongKind(argument.span, "", "an expression", wanted))
         elif argument.text not in place.scope.actions:
             kind = place.scope.kind(argument.text)
             if argument.text in place.locals:

@@ -15,15 +15,12 @@ from pirlc.frontend.problems import SyntaxProblem
 from pirlc.source import Span
 
 KEYWORDS = frozenset(
-    "policy environment sensor missing window sample_time latency fill param action safe rule "
-    "property over if then else let in and or not implies true false".split()
+    ["policy", "environment", "sensor", "missing", "window", "sample_time", "latency", "fill", "param", "action", "safe", "rule", "property", "over", "if", "then", "else", "let", "in", "and", "or", "not", "implies", "true", "false"]
 )
 
 _VALUE_START = frozenset({"NUMBER", "NAME", "LPAR", "QMARK"})
 _INFIX = frozenset({"PLUS", "MINUS", "STAR", "SLASH", "AND", "OR", "IMPLIES"})
-_COMPARISON = frozenset(
-    {"LESS", "LESS_EQUAL", "GREATER", "GREATER_EQUAL", "EQUAL", "NOT_EQUAL"}
-)
+_COMPARISON = frozenset({"LESS", "LESS_EQUAL", "GREATER", "GREATER_EQUAL", "EQUAL", "NOT_EQUAL"})
 _DECLARATION = frozenset(
     {
         "POLICY", "ENVIRONMENT", "SENSOR", "WINDOW", "SAMPLE_TIME", "LATENCY", "FILL", "PARAM",
@@ -151,7 +148,11 @@ def _bracket(
 ) -> SyntaxProblem | None:
     if not accepts & {"RPAR", "RSQB", "RBRACE"}:
         return None
-    if kind != "$END" and kind not in _DECLARATION and kind not in ("RPAR", "RSQB", "RBRACE", "VBAR"):
+    if (
+        kind != "$END"
+        and kind not in _DECLARATION
+        and kind not in ("RPAR", "RSQB", "RBRACE", "VBAR")
+    ):
         return None
     stack: list[re.Match[str]] = []
     for match in before:
@@ -171,7 +172,11 @@ def _chained(
     # After `a < b` the reader could go on with `+` or `and`, but not with another comparison.
     if kind in _COMPARISON and "PLUS" in accepts and not accepts & _COMPARISON:
         written = next(
-            (m.group() for m in reversed(before) if m.group() in ("<", "<=", ">", ">=", "==", "!=")),
+            (
+                m.group()
+                for m in reversed(before)
+                if m.group() in ("<", "<=", ">", ">=", "==", "!=")
+            ),
             "<",
         )
         return problems.ChainedComparison(span, written)
@@ -210,9 +215,7 @@ def _expected(accepts: frozenset[str]) -> tuple[str, ...]:
     return tuple(words)
 
 
-def _help(
-    kind: str, text: str, before: list[re.Match[str]], accepts: frozenset[str]
-) -> str | None:
+def _help(kind: str, text: str, before: list[re.Match[str]], accepts: frozenset[str]) -> str | None:
     last = before[-1].group() if before else ""
     if kind in ("IF", "LET") and accepts & _VALUE_START:
         return f"put parentheses around `{text} ...` where it is an operand"

@@ -91,7 +91,6 @@ class Binary:
     operator: Operator
     left: Expression
     right: Expression
-    operator_span: Span
     span: Span
 
 
@@ -100,8 +99,6 @@ class Conditional:
     condition: Expression
     consequent: Expression
     alternative: Expression
-    then_span: Span
-    else_span: Span
     span: Span
 
 
@@ -112,7 +109,6 @@ class Binding:
     name: Name
     value: Expression
     body: Expression
-    in_span: Span
     span: Span
 
 
@@ -273,9 +269,7 @@ class Property:
     span: Span
 
 
-Declaration = (
-    Policy | Environment | Sensor | Setting | Fill | Parameter | Action | Rule | Property
-)
+Declaration = Policy | Environment | Sensor | Setting | Fill | Parameter | Action | Rule | Property
 
 
 @dataclass(frozen=True)

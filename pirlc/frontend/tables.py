@@ -27,7 +27,9 @@ def parser() -> lark.Lark:
     grammar = resources.grammar("pirl.lark").read_text(encoding="utf-8")
     key = "\n".join([lark.__version__, sys.version, grammar])
     digest = hashlib.sha256(key.encode()).hexdigest()[:20]
-    return cached_parser(grammar, Path(user_cache_dir("pirlc", appauthor=False)) / f"parser-{digest}")
+    return cached_parser(
+        grammar, Path(user_cache_dir("pirlc", appauthor=False)) / f"parser-{digest}"
+    )
 
 
 def cached_parser(grammar: str, file: Path) -> lark.Lark:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import assert_never
 
 from pirlc.ir.operators import SIGNATURES, Operator
@@ -106,7 +107,13 @@ def render(document: Document, *, width: int = WIDTH) -> str:
             case Remark(text, own_line):
                 while out and out[-1] == " ":
                     out.pop()
-                if must_break or (own_line and out and not out[-1].startswith("\n")):
+                broken = bool(out) and out[-1].startswith("\n")
+                if broken and not own_line and not must_break and len(out) > 1:
+                    # The line was ended too early: the comment belongs to the words before.
+                    end = out.pop()
+                    out.extend(("  ", text, end))
+                    continue
+                if must_break or (own_line and out and not broken):
                     newline(indent)
                 elif not own_line and out:
                     out[-1] = out[-1].rstrip(" ")
@@ -149,7 +156,7 @@ def _fits(document: Document, rest: Sequence[tuple[int, bool, Document]], room: 
             case Text(text):
                 room -= len(text)
             case Remark():
-                # A comment ends its line. Inside, the group has to be broken; after it, all is well.
+                # A comment ends its line: a group with one inside has to be broken.
                 return following < len(rest)
             case Line(between):
                 if not flat:
@@ -296,9 +303,9 @@ def binding(
     name: str,
     value: Piece,
     body: Piece,
-    at: tuple[int | None, int | None, int | None] = (None, None, None),
+    at: tuple[int | None, int | None] = (None, None),
 ) -> Piece:
-    """`let name = value in body`; `at` are the offsets of `let`, the name and `in`."""
+    """`let name = value in body`; `at` are the offsets of `let` and the name."""
     head = together(
         Text("let", at[0]),
         " ",
@@ -306,14 +313,12 @@ def binding(
         " = ",
         Align(value.document),
         " ",
-        Text("in", at[2]),
+        "in",
     )
     return Piece(Align(Group(together(head, Line(), body.document))), 0)
 
 
-def lambda_(
-    element: str, accumulator: str, body: Piece, at: int | None = None
-) -> Piece:
+def lambda_(element: str, accumulator: str, body: Piece, at: int | None = None) -> Piece:
     r"""`\element accumulator -> body`."""
     return Piece(together(Text(f"\\{element} {accumulator} -> ", at), Align(body.document)), 0)
 
@@ -325,8 +330,8 @@ ALTERNATIVES_LIMIT = 60
 """Alternatives share a line if it is no longer than this."""
 
 
-def definition(head: str, bodies: Sequence[Piece]) -> Document:
-    """`head = body`, or `head = body | body | ...`."""
+def definition(head: str, bodies: Sequence[Piece], starts: Sequence[int] = ()) -> Document:
+    """`head = body`, or `head = body | body | ...`; `starts` are the bodies' offsets, if known."""
     if len(bodies) == 1 and len(head) > HEAD_LIMIT:
         return Group(Indent(together(head, " =", Line(), bodies[0].document), 4))
     # A chain of operators continues below the `=`, so that its operands are aligned.
@@ -335,8 +340,8 @@ def definition(head: str, bodies: Sequence[Piece]) -> Document:
         for body in bodies
     ]
     parts: list[Document] = [Text("= "), first]
-    for other in others:
-        parts.extend((Line(), Text("| "), other))
+    for start, other in zip_longest(starts[1:], others):
+        parts.extend((Line(), Text("| ", start), other))
     all_bodies = Together(tuple(parts))
     if len(head) > HEAD_LIMIT:
         return Indent(together(head, Line(), all_bodies), 4)

@@ -56,7 +56,8 @@ def term_text(term: Term) -> str:
 
 def environment_text(environment: Environment) -> str:
     arguments = ", ".join(f"{name} = {scalar_text(v)}" for name, v in environment.arguments)
-    return f"environment {scalar_text(environment.id)}" + (f" {{ {arguments} }}" if arguments else "")
+    braces = f" {{ {arguments} }}" if arguments else ""
+    return f"environment {scalar_text(environment.id)}{braces}"
 
 
 def scalar_text(value: Scalar) -> str:
@@ -155,7 +156,7 @@ def piece(term: Term) -> Piece:
             pieces = [piece(argument) for argument in arguments]
             match SIGNATURES[operator].notation:
                 case Notation.INFIX:
-                    return layout.infix(operator, *pieces)
+                    return layout.infix(operator, pieces[0], pieces[1])
                 case Notation.PREFIX:
                     literal = isinstance(arguments[0], terms.Literal)
                     return layout.prefix(
