@@ -92,6 +92,16 @@ class HistorySet:
         chosen: NDArray[ScalarType] = at_places[self.places]
         return chosen
 
+    def element(self, sensor: str, index: int) -> FloatArray:
+        """An element of every history's window (N,): index -1 is the newest reading."""
+        readings = self.sensors[sensor]
+        place = self.interface.window + index
+        match self.layout:
+            case Layout.FLAT:
+                return self.of_histories(readings[place : place + self.extent])
+            case Layout.GATHERED:
+                return self.of_histories(readings[place])
+
     def window(self, sensor: str) -> FloatArray:
         """The windows of a sensor, (N, window), oldest reading first: a copy, for looking."""
         readings = self.sensors[sensor]

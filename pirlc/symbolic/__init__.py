@@ -1,0 +1,1 @@
+"""Terms as symbolic expressions, for tuning and for proofs."""
