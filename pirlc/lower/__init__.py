@@ -1,0 +1,5 @@
+"""Programs to controllers."""
+
+from pirlc.lower.lowering import lower
+
+__all__ = ["lower"]
