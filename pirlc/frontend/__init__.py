@@ -6,7 +6,7 @@ from pirlc.diagnostics import Diagnostic, PirlcError
 from pirlc.frontend import names, problems, syntax, wellformed
 from pirlc.frontend.declare import declare
 from pirlc.frontend.describe import describe
-from pirlc.frontend.elaborate import elaborate_expressions
+from pirlc.frontend.elaborate import elaborate
 from pirlc.frontend.format import format_source
 from pirlc.frontend.parse import DEPTH_LIMIT, parse
 from pirlc.frontend.problems import Collector
@@ -50,7 +50,7 @@ def _elaborate(
                 names.check_property(declaration.body, declared.scope, collector)
             case _:
                 pass
-    bodies, rules, properties = elaborate_expressions(declared, collector)
+    bodies, rules, properties = elaborate(declared, collector)
     sketch = Sketch(declared.interface, declared.parameters, rules, bodies, properties)
     wellformed.judge(declared, sketch, collector)
     if collector.found:

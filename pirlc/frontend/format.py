@@ -197,8 +197,8 @@ def _piece(expression: syntax.Expression) -> Piece:
                 _piece(condition), _piece(consequent), _piece(alternative), places
             )
         case syntax.Binding(name=name, value=value, body=body):
-            places = (start, name.span.start)
-            return layout.binding(name.text, _piece(value), _piece(body), places)
+            words = (start, name.span.start)
+            return layout.binding(name.text, _piece(value), _piece(body), words)
         case syntax.Lambda(element=element, accumulator=accumulator, body=body):
             return layout.lambda_(element.text, accumulator.text, _piece(body), start)
         case syntax.OperatorWord(operator=operator):

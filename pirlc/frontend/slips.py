@@ -15,8 +15,12 @@ from pirlc.frontend.problems import SyntaxProblem
 from pirlc.source import Span
 
 KEYWORDS = frozenset(
-    ["policy", "environment", "sensor", "missing", "window", "sample_time", "latency", "fill", "param", "action", "safe", "rule", "property", "over", "if", "then", "else", "let", "in", "and", "or", "not", "implies", "true", "false"]
-)
+    {
+        "policy", "environment", "sensor", "missing", "window", "sample_time", "latency", "fill",
+        "param", "action", "safe", "rule", "property", "over", "if", "then", "else", "let", "in",
+        "and", "or", "not", "implies", "true", "false",
+    }
+)  # fmt: skip
 
 _VALUE_START = frozenset({"NUMBER", "NAME", "LPAR", "QMARK"})
 _INFIX = frozenset({"PLUS", "MINUS", "STAR", "SLASH", "AND", "OR", "IMPLIES"})
@@ -38,7 +42,8 @@ _WORDS = {
 }  # fmt: skip
 
 _FOREIGN = {
-    "&&": "and", "||": "or", "&": "and", "!": "not", ":=": "=", "=": "==", "<>": "!=", "=>": "implies",
+    "&&": "and", "||": "or", "&": "and", "!": "not", ":=": "=", "=": "==", "<>": "!=",
+    "=>": "implies",
     "**": "x * x", "%": "", "//": "#", "^": "x * x", "λ": "\\", "≤": "<=", "≥": ">=", "≠": "!=",
     "−": "-", "×": "*", "·": "*", "÷": "/", "∧": "and", "∨": "or", "¬": "not", "→": "->",
     "’": '"', "“": '"', "”": '"', "'": '"',

@@ -3,7 +3,8 @@
 Grammar (``grammars/pirl.lark`` has the concrete one; every node has a span)::
 
     SyntaxTree  = Declaration*, Comment*
-    Declaration = Policy | Environment | Sensor | Setting | Fill | Parameter | Action | Rule | Property
+    Declaration = Policy | Environment | Sensor | Setting | Fill | Parameter | Action | Rule
+                | Property
     Expression  = Number | Name | Hole | Call | Unary | Binary | Conditional | Binding
                 | Lambda | OperatorWord          (these two as arguments of a call only)
                 | Group                          (parentheses, kept for the formatter)
