@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import TypeVar
@@ -11,6 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pirlc.diagnostics import PirlcError
 from pirlc.ir.policy import Environment
 from pirlc.simulation.environments import Simulator, make
 from pirlc.simulation.policy import PolicyFactory
@@ -29,8 +31,8 @@ def parallel_map(
 ) -> list[Result]:
     """``[function(item) for item in items]``, over `workers` processes; 1 stays in this one.
 
-    What `function` raises is raised here (a PirlcError keeps its diagnostics); a process that
-    dies is PirlcError E0519. Ctrl-C interrupts this process alone, which then ends the others.
+    What `function` raises is raised here (of several PirlcErrors the first in the order of the
+    items); a process that dies is PirlcError E0519. Ctrl-C interrupts this process alone, which then ends the others.
     """
     if workers <= 1 or len(items) <= 1:
         return [function(item) for item in items]
@@ -38,18 +40,33 @@ def parallel_map(
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     try:
-        results: list[Result] = Parallel(n_jobs=workers, backend="loky", batch_size=1)(
+        outcomes: list[Result | _Failed] = Parallel(n_jobs=workers, backend="loky", batch_size=1)(
             delayed(_undisturbed)(function, item) for item in items
         )
     except TerminatedWorkerError as error:
         raise failure(WorkerDied(str(error).split("\n")[0])) from error
+    results: list[Result] = []
+    for outcome in outcomes:
+        if isinstance(outcome, _Failed):
+            raise outcome.error
+        results.append(outcome)
     return results
 
 
-def _undisturbed(function: Callable[[Item], Result], item: Item) -> Result:
+@dataclass(frozen=True)
+class _Failed:
+    """Carried back as a value: raised in the worker, whichever came first in time would win."""
+
+    error: PirlcError
+
+
+def _undisturbed(function: Callable[[Item], Result], item: Item) -> Result | _Failed:
     # The terminal sends Ctrl-C to every process; only the first may show what it does with it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    return function(item)
+    try:
+        return function(item)
+    except PirlcError as error:
+        return _Failed(error)
 
 
 @lru_cache(maxsize=8)
