@@ -32,7 +32,8 @@ def parallel_map(
     """``[function(item) for item in items]``, over `workers` processes; 1 stays in this one.
 
     What `function` raises is raised here (of several PirlcErrors the first in the order of the
-    items); a process that dies is PirlcError E0519. Ctrl-C interrupts this process alone, which then ends the others.
+    items); a process that dies is PirlcError E0519. Ctrl-C interrupts this process alone,
+    which then ends the others.
     """
     if workers <= 1 or len(items) <= 1:
         return [function(item) for item in items]

@@ -21,7 +21,7 @@ class Broken(gym.Env[Any, Any]):
         self.start = 0.0
 
     def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
-        super().reset(seed=seed)
+        super().reset(seed=seed, options=options)
         if self.fault == "reset raises":
             raise RuntimeError("the motor is off")
         self.taken, self.start = 0, float(self.np_random.random())

@@ -158,10 +158,12 @@ def test_misfits_point_into_the_source() -> None:
     assert shown(interface("MountainCar-v0", (speed,), push, more), SOURCE) == [
         "error[E0507]: sensor `speed` reads component 2, but the observations of `MountainCar-v0` "
         "have 2 components\n"
-        " --> car.pirl:2:1\n  |\n2 | sensor speed : [-1, 1] = 2\n  | ^^^^^^^^^^^^^^^^^^^^^^^^^^\n  |\n"
+        " --> car.pirl:2:1\n  |\n2 | sensor speed : [-1, 1] = 2\n"
+        "  | ^^^^^^^^^^^^^^^^^^^^^^^^^^\n  |\n"
         "  = help: its indices run from 0 to 1",
         "error[E0510]: action `Push` may take the value -1, which `MountainCar-v0` does not have\n"
-        " --> car.pirl:3:1\n  |\n3 | action Push : {-1, 0} = 0\n  | ^^^^^^^^^^^^^^^^^^^^^^^^^\n  |\n"
+        " --> car.pirl:3:1\n  |\n3 | action Push : {-1, 0} = 0\n"
+        "  | ^^^^^^^^^^^^^^^^^^^^^^^^^\n  |\n"
         "  = help: its values run from 0 to 2",
         "error[E0508]: action `More` drives component 1, but the actions of `MountainCar-v0` have "
         "1 component\n"

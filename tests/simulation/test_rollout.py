@@ -58,10 +58,10 @@ class Law:
 
 LAWS: dict[str, Any] = {
     "CartPole-v1": lambda o, t: (float(o[2] + 0.3 * o[3] > 0.02 * (t % 3)),),
-    "MountainCar-v0": lambda o, t: (2.0 if o[1] > 0 else 0.0,),
-    "Acrobot-v1": lambda o, t: (2.0 if o[4] > 0 else 0.0,),
+    "MountainCar-v0": lambda o, _t: (2.0 if o[1] > 0 else 0.0,),
+    "Acrobot-v1": lambda o, _t: (2.0 if o[4] > 0 else 0.0,),
     "Pendulum-v1": lambda o, t: (-1.5 * o[2] + 0.1 * (t % 5),),
-    "WrappedCartPole-v0": lambda o, t: (float(o[2] + 0.3 * o[3] > 0),),
+    "WrappedCartPole-v0": lambda o, _t: (float(o[2] + 0.3 * o[3] > 0),),
 }
 
 
@@ -103,7 +103,7 @@ def test_returns_do_not_depend_on_the_number_of_workers() -> None:
     assert np.array_equal(alone, collect_returns(factory, environment, seeds, workers=2))
     assert np.array_equal(alone, run_returns(make(environment), factory(), seeds))
     several = collect_returns_of_each(
-        [factory, Ready(Law(lambda o, t: (0.0,)))], environment, seeds, 2
+        [factory, Ready(Law(lambda _o, _t: (0.0,)))], environment, seeds, 2
     )
     assert np.array_equal(several[0], alone)
     assert several.shape == (2, 13)
@@ -136,7 +136,7 @@ def broken(fault: str, length: int = 5) -> Environment:
     return Environment("broken_environments:Broken-v0", (("fault", fault), ("length", length)))
 
 
-def failure_of(environment: Environment, law: Any = lambda o, t: (0.0,), workers: int = 1) -> str:
+def failure_of(environment: Environment, law: Any = lambda _o, _t: (0.0,), workers: int = 1) -> str:
     with pytest.raises(PirlcError) as caught:
         collect_returns(Ready(Law(law)), environment, [7, 8], workers, trust=True)
     return render(caught.value.diagnostics[0])
@@ -199,15 +199,15 @@ def test_actions_that_do_not_exist() -> None:
         ((math.nan,), "nan"),
         ((0.0, 1.0), "0, 1"),
     ]:
-        assert failure_of(broken("none"), lambda o, t, a=action: a) == (
+        assert failure_of(broken("none"), lambda _o, _t, a=action: a) == (
             f"error[E0517]: the policy chose an action that `Broken-v0` does not have {where}\n"
             f"  = note: the action was ({shown}); {space}"
         )
-    assert "E0517" in failure_of(Environment("Pendulum-v1"), lambda o, t: (math.nan,))
+    assert "E0517" in failure_of(Environment("Pendulum-v1"), lambda _o, _t: (math.nan,))
 
 
 def test_missing_readings_are_counted_and_reach_the_policy() -> None:
-    episode = run_episode(make(broken("nan observation"), True), Law(lambda o, t: (-1.0,)), 1)
+    episode = run_episode(make(broken("nan observation"), True), Law(lambda _o, _t: (-1.0,)), 1)
     assert episode.missing_readings == 4
     assert np.isnan(episode.observations[3, 0])
     assert np.isinf(episode.observations[4, 1])
