@@ -126,7 +126,7 @@ def build(
     """The path of the library, compiled if it is not there yet."""
     stem = file_stem(controller.name)
     files = c_files(controller, real, Provenance(controller.name))
-    bridge = _bridge(controller, stem)
+    bridge = bridge_text(controller, stem)
     made_of = [*(file.text for file in files), bridge, *compiler.command, compiler.version, *flags]
     digest = sha256("\0".join(made_of).encode()).hexdigest()[:32]
     library = folder / digest / f"{stem}{_SUFFIX}"
@@ -162,7 +162,7 @@ def _refused(compiler: Compiler, words: str, folder: Path) -> CompilationFailed 
     return CompilationFailed(" ".join(compiler.command), lines)
 
 
-def _bridge(controller: Controller, stem: str) -> str:
+def bridge_text(controller: Controller, stem: str) -> str:
     """C that ctypes calls: it picks readings out of an observation vector and runs whole series."""
     ordered = sorted(controller.outputs, key=lambda o: o.component)
     printer = CPrinter(controller, "double")
