@@ -18,6 +18,17 @@ from pirlc.ir.layout import Document, Piece, Remark, Text, together, word
 from pirlc.source import SourceText
 
 _Remarks = list[tuple[int, Remark]]
+_Single = (
+    syntax.Policy
+    | syntax.Environment
+    | syntax.Setting
+    | syntax.Fill
+    | syntax.Parameter
+    | syntax.Action
+    | syntax.Rule
+    | syntax.Property
+)
+"""The declarations that are laid out each for itself."""
 
 
 def format_source(source: SourceText) -> str:
@@ -27,6 +38,7 @@ def format_source(source: SourceText) -> str:
         (comment.span.start, Remark(_clean(comment.text), comment.own_line))
         for comment in tree.comments
     ]
+    sensors = _sensor_lines(tree, remarks, source.text)
     out: list[str] = []
     last_end = 0
     for declaration in tree.declarations:
@@ -34,16 +46,58 @@ def format_source(source: SourceText) -> str:
         body = _body_start(declaration)
         above = [item for item in remarks if last_end <= item[0] < start]
         # A comment in the head of a declaration has no good place there: it goes above.
-        head = [Remark(remark.text, True) for at, remark in remarks if start <= at < body]
+        head = [remark.text for at, remark in remarks if start <= at < body]
         inside = [item for item in remarks if body <= item[0] < end]
         last_end = _comments(out, above, source.text, last_end)
         _blank(out, source.text[last_end:start])
-        out.extend(remark.text for remark in head)
-        document = layout.with_remarks(_declaration(declaration), inside)
-        out.append(layout.render(document))
+        out.extend(head)
+        if isinstance(declaration, syntax.Sensor):
+            out.append(sensors[start])
+        else:
+            out.append(layout.render(layout.with_remarks(_declaration(declaration), inside)))
         last_end = end
     _comments(out, [item for item in remarks if item[0] >= last_end], source.text, last_end)
     return "\n".join(out) + "\n" if out else ""
+
+
+def _sensor_lines(tree: syntax.SyntaxTree, remarks: _Remarks, text: str) -> dict[int, str]:
+    """The lines of the sensors, by where they start; neighbours have their columns aligned."""
+    lines: dict[int, str] = {}
+    run: list[syntax.Sensor] = []
+    for declaration in (*tree.declarations, None):
+        if run and not (
+            isinstance(declaration, syntax.Sensor)
+            and _adjacent(run[-1], declaration, remarks, text)
+        ):
+            starts = [sensor.span.start for sensor in run]
+            lines.update(zip(starts, layout.table(list(map(_sensor_cells, run))), strict=True))
+            run = []
+        if isinstance(declaration, syntax.Sensor):
+            run.append(declaration)
+    return lines
+
+
+def _adjacent(first: syntax.Sensor, second: syntax.Sensor, remarks: _Remarks, text: str) -> bool:
+    """Whether only the end of a line (and a comment on it) will stand between two sensors."""
+    start, end = first.span.end, second.span.start
+    parted = any(
+        (remark.own_line and start <= at < end) or end <= at < second.span.end
+        for at, remark in remarks
+    )
+    return not parted and text[start:end].count("\n") <= 1
+
+
+def _sensor_cells(sensor: syntax.Sensor) -> tuple[str, str, str]:
+    missing = sensor.missing
+    policy = f" missing {missing.word.text}" if missing else ""
+    if missing and missing.limit and missing.finally_:
+        policy += f" {missing.limit.text} then {missing.finally_.text}"
+    range_ = sensor.range
+    return (
+        f"sensor {sensor.name.text}",
+        f": [{range_.lower.text}, {range_.upper.text}]",
+        f"= {sensor.index.text}{policy}",
+    )
 
 
 def _body_start(declaration: syntax.Declaration) -> int:
@@ -84,20 +138,12 @@ def _comments(out: list[str], comments: _Remarks, text: str, last_end: int) -> i
     return last_end
 
 
-def _declaration(declaration: syntax.Declaration) -> Document:
+def _declaration(declaration: _Single) -> Document:
     match declaration:
         case syntax.Policy(name=name):
             return together("policy ", _name(name))
         case syntax.Environment():
             return _environment(declaration)
-        case syntax.Sensor(name=name, range=range_, index=index, missing=missing):
-            parts: list[Document | str] = ["sensor ", _name(name), " : ", _range(range_), " = "]
-            parts.append(_number(index))
-            if missing is not None:
-                parts.extend((" missing ", _name(missing.word)))
-            if missing is not None and missing.limit and missing.finally_:
-                parts.extend((" ", _number(missing.limit), " then ", _name(missing.finally_)))
-            return together(*parts)
         case syntax.Setting(keyword=keyword, value=value):
             return together(keyword, " ", _number(value))
         case syntax.Fill(word=word_):

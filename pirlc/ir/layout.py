@@ -326,7 +326,7 @@ def lambda_(element: str, accumulator: str, body: Piece, at: int | None = None) 
 HEAD_LIMIT = 40
 """After a longer head than this, an expression that does not fit starts on the next line."""
 
-ALTERNATIVES_LIMIT = 60
+ALTERNATIVES_LIMIT = 40
 """Alternatives share a line if it is no longer than this."""
 
 
@@ -348,6 +348,15 @@ def definition(head: str, bodies: Sequence[Piece], starts: Sequence[int] = ()) -
     flat = render(Group(all_bodies), width=10 * WIDTH)
     short = len(head) + 1 + len(flat) <= (ALTERNATIVES_LIMIT if others else WIDTH)
     return together(head, " ", Align(Group(all_bodies) if short else all_bodies))
+
+
+def table(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows of cells as lines whose columns are aligned."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        " ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
 
 
 def number_text(value: float) -> str:

@@ -36,7 +36,7 @@ def program_text(program: Program | ProgramTemplate, header: tuple[str, ...] = (
         [f"# {line}".rstrip() for line in header],
         [f"policy {interface.name}"],
         [environment_text(interface.environment)] if interface.environment else [],
-        [*map(sensor_text, interface.sensors), *_settings(interface)],
+        [*sensor_texts(interface.sensors), *_settings(interface)],
         [*map(parameter_text, program.parameters)],
         [
             layout.render(layout.definition(action_head(action, position), [piece(body)]))
@@ -83,17 +83,30 @@ def range_text(lower: float, upper: float) -> str:
     return f"[{number_text(lower)}, {number_text(upper)}]"
 
 
-def sensor_text(sensor: Sensor) -> str:
-    text = f"sensor {sensor.name} : {range_text(sensor.lower, sensor.upper)} = {sensor.index}"
+def sensor_texts(sensors: tuple[Sensor, ...]) -> list[str]:
+    """The sensors' declarations, in columns."""
+    return layout.table(
+        [
+            (
+                f"sensor {sensor.name}",
+                f": {range_text(sensor.lower, sensor.upper)}",
+                f"= {sensor.index}{_missing_text(sensor)}",
+            )
+            for sensor in sensors
+        ]
+    )
+
+
+def _missing_text(sensor: Sensor) -> str:
     match sensor.missing:
         case Hold(None):
-            return text
+            return ""
         case Hold(0):
-            return f"{text} missing fail"
+            return " missing fail"
         case Hold(limit):
-            return f"{text} missing hold {limit} then fail"
+            return f" missing hold {limit} then fail"
         case Zero():
-            return f"{text} missing zero"
+            return " missing zero"
         case _:
             assert_never(sensor.missing)
 
