@@ -106,7 +106,7 @@ def expression(scope: PythonScope, term: Expression) -> Text:
         case Previous(action):
             return Text(scope.previous[action], PRIMARY)
         case Operation(operator, arguments):
-            printed = _operation(operator, [expression(scope, a) for a in arguments], arguments)
+            printed = _operation(scope, operator, arguments)
             if scope.real == "float" and operator in _ROUNDED:
                 return Text(f"_round({printed.code})", PRIMARY)
             return printed
@@ -117,7 +117,8 @@ def expression(scope: PythonScope, term: Expression) -> Text:
             assert_never(term)
 
 
-def _operation(operator: Operator, arguments: list[Text], terms: tuple[Expression, ...]) -> Text:
+def _operation(scope: PythonScope, operator: Operator, terms: tuple[Expression, ...]) -> Text:
+    arguments = [expression(scope, term) for term in terms]
     match operator, arguments:
         case Operator.NEGATE, [x]:
             return negated(x)
@@ -127,7 +128,7 @@ def _operation(operator: Operator, arguments: list[Text], terms: tuple[Expressio
             return Text(f"_{operator.value}({x.code})", PRIMARY)
         case Operator.DIVIDE, [x, y]:
             divisor = terms[1]
-            if isinstance(divisor, Constant) and divisor.value != 0.0:
+            if isinstance(divisor, Constant) and PRECISIONS[scope.real].round(divisor.value):
                 return infix(operator, x, y)
             return Text(f"_divide({x.code}, {y.code})", PRIMARY)
         case Operator.NOT, [x]:
