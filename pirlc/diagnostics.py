@@ -87,6 +87,8 @@ def render(diagnostic: Diagnostic, *, color: bool = False) -> str:
         )
         row, column = source.position(diagnostic.primary.span.start)
         gutter = max(len(str(source.position(label.span.start)[0])) for label, _, _ in labels)
+        places = [source.position(diagnostic.primary.span.start)]
+        places.extend(source.position(label.span.start) for label, _, _ in labels)
         pad = " " * gutter
         lines.append(f"{pad}{paint(_BLUE, '-->')} {source.name}:{row}:{column}")
         bar = paint(_BLUE, "|")
@@ -95,14 +97,19 @@ def render(diagnostic: Diagnostic, *, color: bool = False) -> str:
         for label, mark, style in labels:
             row, column = source.position(label.span.start)
             text = source.line(row)
+            # One excerpt a line, wherever its labels are; a label outside has no underline.
+            start = _excerpt_start(next(c for r, c in places if r == row))
             if row != shown:
                 if shown and row > shown + 1:
                     lines.append(paint(_BLUE, "..."))
-                lines.append(f"{paint(_BLUE, str(row).rjust(gutter))} {bar} {text.expandtabs(4)}")
+                excerpt = _printable(text[start : start + _LINE_LIMIT]).expandtabs(4)
+                lines.append(f"{paint(_BLUE, str(row).rjust(gutter))} {bar} {excerpt}")
                 shown = row
-            before = text[: column - 1].expandtabs(4)
-            last = min(label.span.end - label.span.start, len(text) - column + 1)
-            under = mark * max(1, last)
+            if not start < column <= start + _LINE_LIMIT + 1:
+                continue
+            before = text[start : column - 1].expandtabs(4)
+            last = min(label.span.end - label.span.start, start + _LINE_LIMIT - column + 1)
+            under = mark * max(1, min(last, len(text) - column + 1))
             words = f" {label.text}" if label.text else ""
             lines.append(f"{pad} {bar} {' ' * len(before)}{paint(style, under + words)}")
         if diagnostic.notes or diagnostic.help:
@@ -114,6 +121,19 @@ def render(diagnostic: Diagnostic, *, color: bool = False) -> str:
     ]:
         lines.append(f"{pad} {paint(_BLUE, '=')} {paint(_BOLD, kind)}: {text}")
     return "\n".join(lines)
+
+
+_LINE_LIMIT = 160
+
+
+def _excerpt_start(column: int) -> int:
+    """Where the shown part of a line begins: at its start, unless a label is far beyond."""
+    return 0 if column <= _LINE_LIMIT * 3 // 4 else column - _LINE_LIMIT // 2
+
+
+def _printable(text: str) -> str:
+    """Control characters must not reach the terminal; each keeps its one column."""
+    return "".join(c if c.isprintable() or c == "\t" else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
 def as_json(diagnostic: Diagnostic) -> dict[str, object]:

@@ -7,13 +7,14 @@ from pirlc.frontend import names, problems, syntax, wellformed
 from pirlc.frontend.declare import declare
 from pirlc.frontend.describe import describe
 from pirlc.frontend.elaborate import elaborate
+from pirlc.frontend.explain import explain
 from pirlc.frontend.format import format_source
 from pirlc.frontend.parse import DEPTH_LIMIT, parse
 from pirlc.frontend.problems import Collector
 from pirlc.ir.policy import Sketch
 from pirlc.source import SourceText, Span
 
-__all__ = ["check", "format_source", "parse_sketch"]
+__all__ = ["check", "explain", "format_source", "parse_sketch"]
 
 
 def parse_sketch(source: SourceText) -> Sketch:

@@ -235,6 +235,7 @@ def _missing(missing: syntax.Missing, collector: Collector) -> policy.MissingPol
     if limit is not None and finally_ is not None:
         if finally_.text != "fail":
             _unknown_word("then", finally_, ("fail",), collector)
+            return policy.Hold()
         return policy.Hold(limited(limit, "the staleness limit", 0, INDEX_LIMIT, collector) or 0)
     if word.text == "zero":
         return policy.Zero()

@@ -137,10 +137,12 @@ def describe_name(problem: NameProblem, source: SourceText) -> Diagnostic:
                 (Label(first, "first listed here"),),
             )
         case problems.WrongArgumentCount(span, name, usage, given):
-            plural = "argument" if given == 1 else "arguments"
+            number = {0: "without arguments", 1: "with 1 argument"}.get(
+                given, f"with {given} arguments"
+            )
             return Diagnostic(
                 "E0216",
-                f"`{name}` does not take {given or 'no'} {plural}",
+                f"`{name}` cannot be used {number}",
                 source,
                 Label(span),
                 help=f"it is used as `{usage}`",
@@ -173,7 +175,8 @@ def describe_name(problem: NameProblem, source: SourceText) -> Diagnostic:
                 help=f"`previous({name})` is its value in the step before",
             )
         case problems.UnknownWord(span, keyword, word, known, close):
-            words = " or ".join(f"`{one}`" for one in known)
+            quoted = [f"`{one}`" for one in known]
+            words = " or ".join([", ".join(quoted[:-1]), quoted[-1]] if quoted[1:] else quoted)
             return Diagnostic(
                 "E0221",
                 f"`{keyword}` is followed by {words}, not by `{_shown(word)}`",

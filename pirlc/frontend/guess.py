@@ -20,6 +20,9 @@ Locals = Mapping[str, Type]
 
 _LOGICAL = (Operator.AND, Operator.OR, Operator.IMPLIES, *COMPARISONS)
 
+NESTING_LIMIT = 50
+"""How many rules deep a guess goes."""
+
 
 @dataclass
 class Guesser:
@@ -31,6 +34,7 @@ class Guesser:
     scope: Scope
     in_property: bool = False
     steps: int | None = None
+    _nested: int = 0
     _known: dict[tuple[str, tuple[Type, ...]], Type | None] = field(default_factory=dict)
 
     def type_of(self, expression: Expression, names: Locals) -> Type | None:
@@ -61,11 +65,15 @@ class Guesser:
         key = (name, arguments)
         if key in self._known:
             return self._known[key]
+        if self._nested >= NESTING_LIMIT:
+            return None
         # While it is being found out, a rule that calls itself learns nothing from that.
         self._known[key] = None
         rule = self.scope.rules[name]
         names = {formal.text: type_ for formal, type_ in zip(rule.formals, arguments, strict=False)}
+        self._nested += 1
         found = self._first(rule.alternatives, names)
+        self._nested -= 1
         if found is None:
             del self._known[key]
         else:

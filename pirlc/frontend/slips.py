@@ -10,6 +10,7 @@ import re
 
 from lark import Token
 
+from pirlc.diagnostics import suggestion
 from pirlc.frontend import problems
 from pirlc.frontend.problems import SyntaxProblem
 from pirlc.source import Span
@@ -83,7 +84,7 @@ def explain_token(text: str, token: Token | None, accepts: frozenset[str]) -> Sy
             _found(token),
             _expected(accepts),
             before[declaration].group() if declaration < len(before) else None,
-            _help(kind, str(token or ""), before, accepts),
+            _help(token, accepts),
         )
     )
 
@@ -216,24 +217,25 @@ def _expected(accepts: frozenset[str]) -> tuple[str, ...]:
         if terminal in accepts and word not in words:
             words.append(word)
     if accepts >= _DECLARATION:
-        words.append("the next declaration")
+        words.append("a declaration")
     return tuple(words)
 
 
-def _help(kind: str, text: str, before: list[re.Match[str]], accepts: frozenset[str]) -> str | None:
-    last = before[-1].group() if before else ""
+def _help(token: Token | None, accepts: frozenset[str]) -> str | None:
+    if token is None:
+        return None
+    kind, text = token.type, str(token)
+    wants_name = "NAME" in accepts and not accepts & {"NUMBER", "LPAR"}
+    if text in KEYWORDS and wants_name:
+        return f"`{text}` is a keyword; choose another name"
     if kind in ("IF", "LET") and accepts & _VALUE_START:
         return f"put parentheses around `{text} ...` where it is an operand"
-    if kind == "PLUS" and "MINUS" in accepts and accepts & {"NUMBER"}:
+    if kind == "PLUS" and "NUMBER" in accepts:
         return "a number is written without a `+` before it"
     if kind in ("TRUE", "FALSE") and "LPAR" in accepts:
         return "there are no truth literals: write a comparison, such as `0 < 1`"
-    if text in KEYWORDS and "NAME" in accepts and kind not in _DECLARATION:
-        return f"`{text}` is a keyword; choose another name"
-    if kind in _DECLARATION and accepts == {"NAME"}:
-        return f"`{text}` is a keyword; choose another name"
-    if text == ";":
-        return "declarations need nothing between them"
-    if kind == "$END" and last and last in KEYWORDS:
-        return None
+    if kind == "NAME":
+        keywords = sorted(word for word in KEYWORDS if word.upper() in accepts)
+        close = suggestion(text, keywords)
+        return f"did you mean `{close}`?" if close else None
     return None

@@ -91,8 +91,14 @@ def _check_ends(declared: Declared, collector: Collector) -> None:
             break
         ending |= more
     endless = [name for name in rules if name not in ending]
+    reported: set[str] = set()
     for name in endless:
-        if name in _reachable(name, calls):
+        # Of rules that lead to each other, the first is named.
+        leads_to = _reachable(name, calls)
+        if name in leads_to and not any(
+            other in leads_to and name in _reachable(other, calls) for other in reported
+        ):
+            reported.add(name)
             collector.add(problems.EndlessRule(rules[name].name.span, name))
     for action, body in zip(declared.interface.actions, declared.bodies, strict=True):
         if body is not None:
