@@ -207,6 +207,7 @@ def _checked(oracle: Oracle, facts: EnvironmentFacts) -> Oracle:
     """The oracle, asked once, so that one that does not fit is found out before it is needed."""
     low = np.array(facts.observation_lower)
     high = np.array(facts.observation_upper)
-    middle = np.where(np.isfinite(low) & np.isfinite(high), low * 0.5 + high * 0.5, 0.0)
+    with np.errstate(invalid="ignore"):
+        middle = np.where(np.isfinite(low) & np.isfinite(high), low * 0.5 + high * 0.5, 0.0)
     oracle.actions(np.stack([middle, middle]))
     return oracle

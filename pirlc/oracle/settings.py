@@ -102,7 +102,7 @@ GENERIC: Mapping[str, Settings] = {
 
 KNOWN: Mapping[tuple[str, str], Settings] = {
     ("CartPole-v1", "ppo"): Settings(
-        steps=60_000,
+        steps=50_000,
         copies=8,
         scale=False,
         enough=500.0,
@@ -121,17 +121,18 @@ KNOWN: Mapping[tuple[str, str], Settings] = {
     ),
     ("MountainCar-v0", "duel-ddqn"): replace(
         _DUELING,
-        steps=60_000,
-        acceptable=-105.0,
+        steps=80_000,
+        acceptable=-104.0,
         attempts=3,
-        learner={**_DUELING.learner, "learning_rate": 2e-3, "hold": 1.5},
+        learner={**_DUELING.learner, "learning_rate": "lin_0.002", "hold": 1.5},
     ),
     ("Acrobot-v1", "ppo"): Settings(
-        steps=200_000,
+        steps=300_000,
         copies=16,
-        evaluate_every=10_000,
-        acceptable=-80.0,
+        evaluate_every=20_000,
+        acceptable=-83.0,
         attempts=3,
+        patience=8,
         learner={
             "n_steps": 128,
             "batch_size": 256,
@@ -144,13 +145,13 @@ KNOWN: Mapping[tuple[str, str], Settings] = {
     ),
     ("Pendulum-v1", "sac"): replace(
         _SAC,
-        steps=15_000,
-        acceptable=-160.0,
+        steps=12_000,
+        acceptable=-180.0,
         attempts=3,
         learner={**_SAC.learner, "gamma": 0.98, "learning_starts": 500},
     ),
     ("Pendulum-v1", "td3"): replace(
-        _TD3, steps=15_000, acceptable=-160.0, attempts=3, learner={**_TD3.learner, "gamma": 0.98}
+        _TD3, steps=15_000, acceptable=-180.0, attempts=3, learner={**_TD3.learner, "gamma": 0.98}
     ),
 }
 
