@@ -213,12 +213,15 @@ class Scope:
     locals: Mapping[str, Value]
 
     def bind(self, name: str, value: Value) -> Scope:
-        return replace(self, locals={**self.locals, name: value})
+        return Scope(self.parameters, self.windows, self.previous, {**self.locals, name: value})
 
 
 def evaluate(term: Term, scope: Scope, precision: Precision) -> Value:
     """The value of a closed-over term. Total: nothing here raises on any number."""
     match term:
+        case Apply(operator, arguments):
+            values = [evaluate(argument, scope, precision) for argument in arguments]
+            return _broadcast(operator, values, precision)
         case Literal(value):
             return precision.round(value)
         case DiscreteLiteral(value):
@@ -231,9 +234,6 @@ def evaluate(term: Term, scope: Scope, precision: Precision) -> Value:
             return scope.locals[name]
         case PreviousAction(action):
             return scope.previous[action]
-        case Apply(operator, arguments):
-            values = [evaluate(argument, scope, precision) for argument in arguments]
-            return _broadcast(operator, values, precision)
         case Peek(sequence, index):
             return _sequence(sequence, scope, precision)[index]
         case Fold(operator, sequence):
