@@ -331,7 +331,8 @@ class CPrinter:
         zero = constant(0.0, self.real).code
         if not c.awaits_first:
             return zero
-        return f"s->{self.seen[c.name]} ? {zero} : {constant(c.initial, self.real).code}"
+        start = constant(c.initial, self.real).code
+        return zero if start == zero else f"s->{self.seen[c.name]} ? {zero} : {start}"
 
     def _push(self, c: Channel) -> list[str]:
         x, buffer = self.scope.locals[c.name], f"s->{self.buffers[c.name]}"

@@ -129,10 +129,10 @@ def file_stem(policy: str) -> str:
     """What the emitted files and the names in the C header begin with.
 
     No standard header's name and no standard Python module's, since files of the same folder may
-    come before those.
+    come before those; compared without case, as some file systems do.
     """
     reserved = {*C_LOCAL_RESERVED, *PYTHON_RESERVED, *_C_HEADERS.split(), *sys.stdlib_module_names}
-    lowered = {name.lower() for name in reserved}
-    stem = Identifiers(reserved, _C_PREFIXES).fresh(policy)
-    # File systems that fold case would take `Math.h` for `math.h`.
-    return f"{stem}_" if stem.lower() in lowered else stem
+    stem = _plain(policy).rstrip("_")
+    if stem.lower() in {name.lower() for name in reserved} or stem.startswith(_C_PREFIXES):
+        stem = _plain(f"policy_{stem}")
+    return stem

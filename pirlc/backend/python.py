@@ -115,15 +115,15 @@ class _Printer:
             "real": self.real,
             "precision": PRECISIONS[self.real].value,
             "parameters": [
-                f"{name!r}: {constant(value, self.real).code},"
+                f'"{name}": {constant(value, self.real).code},'
                 for name, value in controller.parameters
             ],
             "used": [name for name, _ in controller.parameters if name in self.used],
             "used_locals": _unpacking(
                 [self.scope.parameters[n] for n, _ in controller.parameters if n in self.used]
             ),
-            "sensors": [f"{c.name!r}: {c.index}," for c in controller.channels],
-            "actions": [f"{o.name!r}," for o in controller.outputs],
+            "sensors": [f'"{c.name}": {c.index},' for c in controller.channels],
+            "actions": [f'"{o.name}",' for o in controller.outputs],
             "start": _tuple([item.start for item in items]),
             "before": _unpacking([item.before for item in items]),
             "after": _tuple([item.after for item in items]) if items else "",

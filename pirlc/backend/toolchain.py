@@ -234,7 +234,7 @@ class CController:
 
     def step(self, observation: Sequence[float]) -> tuple[tuple[float, ...], int]:
         """The applied actions, discrete ones as ints, and the status bits."""
-        self._observation[: self._width] = [float(r) for r in observation[: self._width]]
+        self._observation[: self._width] = list(map(float, observation[: self._width]))
         self.status = self.library.bridge_step(
             self._params, self._state, self._observation, self._actions
         )
