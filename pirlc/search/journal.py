@@ -17,8 +17,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 Item = TypeVar("Item")
-Mapper = Callable[[Callable[[Item], Any], Sequence[Item]], Iterable[Any]]
-"""Applies a function to items, in their order, perhaps in several processes."""
 
 
 class BudgetExhausted(Exception):
@@ -54,8 +52,7 @@ class Budget:
 class Journal:
     """The results of expensive calls, kept in memory and appended to a file.
 
-    `used` counts the calls answered since the journal was opened, known and new alike. `seconds`
-    adds up the time that the new ones took, and carries over what earlier runs recorded.
+    `used` counts the calls answered since the journal was opened, known and new alike.
     """
 
     def __init__(self, path: Path | None, budget: Budget) -> None:
@@ -68,6 +65,10 @@ class Journal:
             self._known = dict(_read(path))
             self._file = path.open("a", encoding="utf-8")
 
+    def allow_closing(self) -> None:
+        """Lifts the budget, for the last few calls that turn what was found into a result."""
+        self.budget = Budget()
+
     def close(self) -> None:
         if self._file is not None:
             self._file.close()
@@ -75,23 +76,24 @@ class Journal:
     def each(
         self,
         kind: str,
-        function: Callable[[Item], Any],
         items: Sequence[Item],
         keys: Sequence[str],
-        mapper: Mapper[Item],
+        run: Callable[[Sequence[Item]], Iterable[Any]],
     ) -> list[Any]:
-        """`function` of each item, from the journal where it has been done before.
+        """The results for the items; `run` computes those that are not known, in their order.
 
         `keys` must tell everything that a result depends on; results must survive JSON. A batch
-        counts as one call for each item, and is not begun if the budget is used up.
+        counts as one call for each item, and is not begun if the budget is used up: then this
+        raises `BudgetExhausted`.
         """
-        names = [f"{kind}:{digest(key)}" for key in keys]
         if not self.budget.allows(self.used):
             raise BudgetExhausted
+        names = [f"{kind}:{digest(key)}" for key in keys]
         missing = {n: i for n, i in zip(names, items, strict=True) if n not in self._known}
-        for name, result in zip(missing, mapper(function, list(missing.values())), strict=True):
-            self._known[name] = result
-            self._append({"key": name, "result": result})
+        if missing:
+            for name, result in zip(missing, run(list(missing.values())), strict=True):
+                self._known[name] = result
+                self._append({"key": name, "result": result})
         self.used += len(names)
         return [self._known[name] for name in names]
 
@@ -112,12 +114,12 @@ def _read(path: Path) -> Iterator[tuple[str, Any]]:
     kept = 0
     with path.open("rb") as file:
         for line in file:
+            if not line.endswith(b"\n"):
+                break
             try:
                 entry = json.loads(line)
                 yield entry["key"], entry["result"]
             except (ValueError, KeyError, TypeError):
-                break
-            if not line.endswith(b"\n"):
                 break
             kept += len(line)
     if kept < path.stat().st_size:

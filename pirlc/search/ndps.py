@@ -1,0 +1,118 @@
+"""Neurally directed program search: Algorithm 1 of the paper, and its subroutines by their names.
+
+Verma et al., Programmatically Interpretable Reinforcement Learning, ICML 2018, section 4. What the
+paper leaves open is settled here: `initialize` and `neighborhood_pool` see program templates that
+are equal only once; programs are compared on the same episodes; of programs whose returns lie
+within each other's noise the shorter wins. `create_histories` and `update_histories` are in
+`search.imitation`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
+
+from pirlc.ir.expansion import Expansion, expand
+from pirlc.search.canonical import canonical_form
+from pirlc.search.candidate import Candidate, choose
+from pirlc.search.context import Search
+from pirlc.search.neighbourhood import Neighbour, neighbourhood
+from pirlc.search.objective import Objective
+from pirlc.search.observation import fingerprint, probes
+
+
+def ndps(search: Search, objective: Objective, *, augment: bool) -> Candidate:
+    """Algorithm 1, from an objective made by `create_histories` to the best program found.
+
+    `augment=False` leaves out `update_histories` (the paper's NoAug).
+    """
+    program = initialize(search, objective)
+    for turn in range(1, search.settings.iterations + 1):
+        best = program
+        if augment:
+            objective = objective.update_histories(search, best, turn)
+        pool = neighborhood_pool(search, best)
+        tuned = objective.tune(search, pool, f"iteration {turn}")
+        closest = sorted(tuned, key=lambda candidate: (candidate.loss, candidate.size))
+        program = collect_reward(search, closest, f"iteration {turn}")
+        if not improves(program, best):
+            return best
+    return program
+
+
+def initialize(search: Search, objective: Objective) -> Candidate:
+    """The start: of a pool of programs close to the oracle, the one with the highest return.
+
+    Templates are enumerated shortest first. The pool keeps the closest, and the closest of every
+    size that is closer than all shorter ones, so that short programs get their chance.
+    """
+    settings = search.settings
+    templates = islice(distinct(search, _enumerated(search)), settings.pool)
+    pool = [Neighbour(expansion, ()) for expansion in templates]
+    tuned = objective.tune(search, pool, "initialize")
+    by_loss = sorted(tuned, key=lambda candidate: (candidate.loss, candidate.size))
+    chosen = [*_record_losses(tuned), *by_loss][: 2 * settings.simulated]
+    return collect_reward(search, list(dict.fromkeys(chosen))[: settings.simulated], "initialize")
+
+
+def neighborhood_pool(search: Search, program: Candidate) -> list[Neighbour]:
+    """Templates structurally similar to a program, shorter ones first, each once."""
+    settings = search.settings
+    near = neighbourhood(
+        search.enumeration,
+        program.expansion,
+        dict(program.values),
+        growth=settings.growth,
+        per_move=settings.per_move,
+        largest=settings.largest,
+    )
+    carried = {id(n.expansion): n for n in near}
+    kept = islice(distinct(search, (n.expansion for n in near)), settings.neighbours)
+    return [carried[id(expansion)] for expansion in kept]
+
+
+def collect_reward(search: Search, programs: Sequence[Candidate], stage: str) -> Candidate:
+    """Simulates the first of some programs, closest first, and returns the best of them.
+
+    The paper simulates the closest alone; a few more cost little, and distance is not return.
+    """
+    few = programs[: search.settings.simulated]
+    simulated = search.simulate(few, "collect_reward", search.settings.episodes)
+    for candidate in simulated:
+        search.keep(stage, candidate)
+    return choose(simulated)
+
+
+def improves(program: Candidate, best: Candidate) -> bool:
+    """Whether the loop goes on: a higher return, or the same in fewer nodes."""
+    return program != best and choose([program, best]) is program
+
+
+def distinct(search: Search, expansions: Iterable[Expansion]) -> Iterator[Expansion]:
+    """The first of those templates that are equal in form or by observation."""
+    histories = probes(search.sketch.interface)
+    forms: set[str] = set()
+    observed: set[str] = set()
+    for expansion in expansions:
+        form = canonical_form(expansion.template)
+        if form in forms:
+            continue
+        forms.add(form)
+        seen = fingerprint(expansion.template, histories)
+        if seen not in observed:
+            observed.add(seen)
+            yield expansion
+
+
+def _enumerated(search: Search) -> Iterator[Expansion]:
+    for derivations in search.enumeration.shortest_first(search.settings.largest):
+        yield expand(search.sketch, derivations)
+
+
+def _record_losses(candidates: Iterable[Candidate]) -> list[Candidate]:
+    """Those closer than every shorter one, shortest first."""
+    records: list[Candidate] = []
+    for candidate in sorted(candidates, key=lambda c: (c.size, c.loss)):
+        if not records or candidate.loss < records[-1].loss:
+            records.append(candidate)
+    return records

@@ -1,0 +1,128 @@
+"""Parameters refined on simulated return with CMA-ES. Not part of the paper's algorithm.
+
+Imitation cannot be better than what it imitates, and its distance is not the return. So the best
+structures that Algorithm 1 met are taken further, by return alone: all of them for a while, then
+the better half for twice as long each, and so on (successive halving). Every generation has
+episodes of its own, so that no set of starts is learnt by heart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from cmaes import CMA
+from numpy.typing import NDArray
+
+from pirlc.search.canonical import canonical_form
+from pirlc.search.candidate import Candidate, choose
+from pirlc.search.context import Search
+from pirlc.search.journal import BudgetExhausted
+from pirlc.semantics.histories import HistorySet
+from pirlc.tune import natural_scales
+
+VALIDATION_EPISODES = 400
+"""Episodes that the refined programs are compared on, which served for nothing before."""
+
+_STEP = 0.2
+"""CMA-ES's first step, in the natural scales of the parameters."""
+
+_EPISODES = 24
+"""Of each program of a generation."""
+
+
+def refine(search: Search, histories: HistorySet, programs: Sequence[Candidate]) -> Candidate:
+    """The best program that is reached from the given ones (see `promising`).
+
+    `histories` tell how large a step in each parameter is. The programs themselves take part in
+    the last comparison, so that refinement makes nothing worse.
+    """
+    climbs = [_Climb(search, p, histories) for p in programs if p.values]
+    if not climbs:
+        return choose(search.simulate(programs, "validation", VALIDATION_EPISODES))
+    rounds = 1 + (len(climbs) - 1).bit_length()
+    running = list(climbs)
+    try:
+        for turn in range(rounds):
+            share = search.settings.refine_episodes // rounds // len(running)
+            for number, climb in enumerate(running):
+                search.progress(f"refine (round {turn + 1})", number, len(running))
+                climb.advance(search, share)
+            reached = search.simulate(
+                [c.reached for c in running], f"refine {turn}", VALIDATION_EPISODES // 2
+            )
+            for climb, candidate in zip(running, reached, strict=True):
+                search.keep("refine", candidate)
+                climb.score = candidate.mean
+            running.sort(key=lambda climb: -climb.score)
+            running = running[: (len(running) + 1) // 2]
+    except BudgetExhausted:
+        search.journal.allow_closing()
+    finalists = [*programs, *(c.reached for c in climbs if c.generation)]
+    validated = search.simulate(finalists, "validation", VALIDATION_EPISODES)
+    for candidate in validated:
+        search.keep("validate", candidate)
+    return choose(validated)
+
+
+def promising(search: Search) -> list[Candidate]:
+    """The best by return of the programs met, one for each structure."""
+    best: dict[str, Candidate] = {}
+    for _, candidate in search.met:
+        if candidate.returns is not None:
+            form = canonical_form(candidate.expansion.template)
+            if form not in best or candidate.mean > best[form].mean:
+                best[form] = candidate
+    ranked = sorted(best.values(), key=lambda c: (-c.mean, c.size))
+    return ranked[: search.settings.refined]
+
+
+class _Climb:
+    """A run of CMA-ES on one structure, that can be taken up again."""
+
+    def __init__(self, search: Search, start: Candidate, histories: HistorySet) -> None:
+        template = start.expansion.template
+        values = dict(start.values)
+        self.start = start
+        self.generation = 0
+        self.score = start.mean
+        self._names = [p.name for p in template.free]
+        # CMA-ES wants at least two dimensions; a single parameter gets an idle companion.
+        idle = np.ones(1 if len(self._names) == 1 else 0)
+        self._scales = np.append(natural_scales(template, values, histories), idle)
+        theta = np.append([values[n] for n in self._names], 0 * idle)
+        lower = np.append([p.lower for p in template.free], -idle)
+        upper = np.append([p.upper for p in template.free], idle)
+        self._lower, self._upper = lower, np.maximum(upper, np.nextafter(lower, np.inf))
+        self._optimizer = CMA(
+            mean=theta / self._scales,
+            sigma=_STEP,
+            bounds=np.column_stack([self._lower, self._upper]) / self._scales[:, None],
+            seed=search.settings.seed,
+            population_size=2 * (3 + int(1.5 * np.log(len(theta)) + 1)),
+        )
+
+    @property
+    def reached(self) -> Candidate:
+        """The program at the centre of the search distribution."""
+        values = self._values(np.asarray(self._optimizer.mean))
+        return Candidate(self.start.expansion, tuple(sorted(values.items())), self.start.loss)
+
+    def advance(self, search: Search, episodes: int) -> None:
+        """Goes on for as many generations as fit into this many episodes."""
+        size = self._optimizer.population_size
+        for _ in range(max(1, episodes // (size * _EPISODES))):
+            if self._optimizer.should_stop():
+                return
+            asked = [self._optimizer.ask() for _ in range(size)]
+            seeds = search.seeds(f"generation {self.generation}", _EPISODES)
+            returns = search.returns(
+                self.start.expansion.template, [self._values(x) for x in asked], seeds
+            )
+            losses = -returns.mean(axis=1)
+            self._optimizer.tell([(x, float(v)) for x, v in zip(asked, losses, strict=True)])
+            self.generation += 1
+
+    def _values(self, x: NDArray[np.float64]) -> dict[str, float]:
+        theta = np.clip(x * self._scales, self._lower, self._upper)
+        return dict(zip(self._names, theta.tolist(), strict=False))

@@ -1,0 +1,58 @@
+"""What a search may be told, and who it is told to. Budgets are counts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pirlc.search.candidate import Candidate
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The knobs of a search; the defaults suit problems of the size of classic control.
+
+    Attributes:
+        seed: of everything random in the search.
+        largest: the largest size of a program template.
+        create_episodes: episodes of the oracle that `create_histories` records.
+        update_episodes: episodes of the program that `update_histories` adds.
+        histories: the histories that tuning and distances look at (a random sample).
+        pool: the templates that `initialize` tunes, shortest first.
+        neighbours: the templates that `neighborhood_pool` returns.
+        growth: how much larger a regenerated subexpression may be than the one that is elided.
+        per_move: the subexpressions that each move tries at one place.
+        iterations: the most turns of Algorithm 1's loop.
+        simulated: how many of the closest programs are simulated at each stage.
+        episodes: episodes of `collect_reward`.
+        refined: how many structures the refinement on return starts with.
+        refine_episodes: the episodes that the refinement may simulate.
+    """
+
+    seed: int = 0
+    largest: int = 45
+    create_episodes: int = 24
+    update_episodes: int = 12
+    histories: int = 4000
+    pool: int = 96
+    neighbours: int = 32
+    growth: int = 14
+    per_move: int = 12
+    iterations: int = 4
+    simulated: int = 12
+    episodes: int = 100
+    refined: int = 6
+    refine_episodes: int = 60_000
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a stage is: `done` of `total` steps of it, and the best program so far."""
+
+    stage: str
+    done: int
+    total: int
+    best: Candidate | None = None
+
+
+Tell = Callable[[Progress], None]

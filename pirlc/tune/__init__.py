@@ -1,0 +1,7 @@
+"""Finds values for the parameters of a program template: one problem, several optimisers."""
+
+from pirlc.tune.problem import Tuned, TuningProblem
+from pirlc.tune.scales import natural_scales
+from pirlc.tune.smoothed import tune
+
+__all__ = ["Tuned", "TuningProblem", "natural_scales", "tune"]
