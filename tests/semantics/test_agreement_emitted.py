@@ -26,7 +26,7 @@ def batch(seed: int, programs: int, runs: tuple[int, ...], folder: Path) -> Tall
 
 
 def test_agreement_on_a_hundred_thousand_steps(tmp_path: Path) -> None:
-    tally = batch(1, 250, (250, 100, 50), tmp_path)
+    tally = batch(1, 160, (400, 150, 75), tmp_path)
     assert tally.steps == 100_000
     assert tally.mismatches == 0
     # The programs are worth comparing: they move, meet bad readings, and mostly stay finite.

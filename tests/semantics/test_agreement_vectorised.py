@@ -70,7 +70,7 @@ def check(program: Program, rng: random.Random, precision: Precision, lengths: l
 
 @pytest.mark.parametrize("precision", list(Precision))
 @given(rng=st.randoms(use_true_random=False))
-@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 def test_hypothesis_programs(precision: Precision, rng: random.Random) -> None:
     check(random_program(rng), rng, precision, [12, 0, 1, 5])
 
