@@ -92,16 +92,14 @@ class CPrinter:
         )
         self.discrete = discrete_type(values)
         names = c_locals(("p", "s", "in", "out", "status", "failed", "k", self.stem))
-        used = [
-            *(channel.name for channel in channels),
-            *declared(controller.statements),
-        ]
-        local_names = names.assign(used)
+        readings = names.assign(channel.name for channel in channels)
+        local_names = names.assign(declared(controller.statements))
         self.count_locals = {name: names.fresh(f"{name}_missing") for name in self.counts}
         self.scope = CScope(
             real=real,
             channels={channel.name: channel for channel in channels},
             parameters=self.parameters,
+            readings=readings,
             locals=local_names,
             members=self.buffers,
             previous=self.previous,
@@ -277,7 +275,7 @@ class CPrinter:
 
     def _take_in(self, c: Channel) -> list[str]:
         """Judges a reading, stands in for a missing one, and puts it into the buffer."""
-        x = self.scope.locals[c.name]
+        x = self.scope.readings[c.name]
         flags, missing = f"s->{self.flags[c.name]}", f"{self.stem}_MISSING"
         zero = constant(0.0, self.real).code
         low = constant(max(c.low, -LARGEST[self.real]), self.real).code
@@ -335,7 +333,7 @@ class CPrinter:
         return zero if start == zero else f"s->{self.seen[c.name]} ? {zero} : {start}"
 
     def _push(self, c: Channel) -> list[str]:
-        x, buffer = self.scope.locals[c.name], f"s->{self.buffers[c.name]}"
+        x, buffer = self.scope.readings[c.name], f"s->{self.buffers[c.name]}"
         lines = []
         if c.awaits_first:
             seen, flags = f"s->{self.seen[c.name]}", f"s->{self.flags[c.name]}"

@@ -76,13 +76,15 @@ class Cursor:
 class CScope:
     """The identifiers of a step function, and the type that it computes in.
 
-    `members` maps sensors to members of the state; `heads` the lengths of ring buffers to the
-    locals that hold where the oldest reading is.
+    `readings` maps sensors to the locals that hold what was just taken in, `members` to members of
+    the state; `heads` the lengths of ring buffers to the locals that hold where the oldest reading
+    is.
     """
 
     real: RealType
     channels: Mapping[str, Channel]
     parameters: Mapping[str, str]
+    readings: Mapping[str, str]
     locals: Mapping[str, str]
     members: Mapping[str, str]
     previous: Mapping[str, str]
@@ -133,7 +135,7 @@ def expression(scope: CScope, term: Expression) -> Text:
 
 def _reading(scope: CScope, sensor: str, age: int) -> Text:
     if age == 0:
-        return Text(scope.locals[sensor], PRIMARY)
+        return Text(scope.readings[sensor], PRIMARY)
     channel = scope.channels[sensor]
     buffer = f"s->{scope.members[sensor]}"
     place = channel.depth - 1 - age

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from pirlc.backend.c import c_files
 from pirlc.backend.files import GeneratedFile, Provenance, write
+from pirlc.backend.names import check_names
 from pirlc.backend.numbers import RealType
 from pirlc.backend.problems import UnknownTarget, error
 from pirlc.backend.python import python_files
@@ -39,6 +40,7 @@ def emit(
     for target in targets:
         if target not in TARGETS:
             raise error(UnknownTarget(target, tuple(TARGETS)))
+    check_names(program.interface, program.values)
     controller = lower(program)
     provenance = Provenance(program_text(program))
     return tuple(

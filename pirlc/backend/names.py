@@ -14,6 +14,7 @@ from collections.abc import Iterable
 from hashlib import sha256
 
 from pirlc.backend.problems import BadIdentifier, error
+from pirlc.ir.policy import Interface
 
 LONGEST = 63
 """The significant characters of an identifier in C99; longer names are cut and told apart."""
@@ -60,6 +61,14 @@ C_LOCAL_RESERVED = C_RESERVED | frozenset(_C_FUNCTIONS.split())
 PYTHON_RESERVED = frozenset((*keyword.kwlist, *keyword.softkwlist, *dir(builtins), "self", "print"))
 
 
+def check_names(interface: Interface, parameters: Iterable[str]) -> None:
+    """Raises a diagnostic for the first name of a program that is no ASCII identifier."""
+    sensors, actions = interface.sensors, interface.actions
+    declared = (*(sensor.name for sensor in sensors), *(action.name for action in actions))
+    for name in (interface.name, *declared, *parameters):
+        checked(name)
+
+
 def checked(name: str) -> str:
     """The name, if it is an ASCII identifier; else a diagnostic.
 
@@ -90,12 +99,12 @@ class Identifiers:
     def fresh(self, name: str) -> str:
         """An identifier that is still free, as close to the name as may be."""
         plain = _plain(name)
+        if plain.startswith(self._prefixes):
+            plain = _plain("u_" + plain)
         identifier, number = plain, 1
-        while identifier in self._taken or identifier.startswith(self._prefixes):
+        while identifier in self._taken:
             suffix = "_" if number == 1 else f"_{number}"
             identifier, number = _plain(plain[: LONGEST - len(suffix)] + suffix), number + 1
-            if self._prefixes and identifier.startswith(self._prefixes):
-                plain = "u_" + plain
         self._taken.add(identifier)
         return identifier
 

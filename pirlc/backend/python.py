@@ -71,14 +71,15 @@ class _Printer:
         names = python_locals(_TAKEN)
         sensors = [channel.name for channel in controller.channels]
         parameters = [name for name, _ in controller.parameters]
-        local_names = names.assign([*sensors, *parameters, *declared(controller.statements)])
+        newest = names.assign(sensors)
+        parameter_names = names.assign(parameters)
+        local_names = names.assign(declared(controller.statements))
         readings = {}
         for channel in controller.channels:
-            newest = local_names[channel.name]
             older: tuple[str, ...] = ()
             if is_unpacked(channel):
                 older = tuple(names.fresh(f"{channel.name}_{k}") for k in range(1, channel.depth))
-            readings[channel.name] = (newest, *older)
+            readings[channel.name] = (newest[channel.name], *older)
         kept = [channel for channel in controller.channels if channel.kept]
         self.last = {c.name: names.fresh(f"{c.name}_last") for c in kept if c.kept == 1}
         self.seen = {
@@ -92,7 +93,7 @@ class _Printer:
         self.scope = PythonScope(
             real=real,
             channels={channel.name: channel for channel in controller.channels},
-            parameters={name: local_names[name] for name in parameters},
+            parameters=parameter_names,
             locals=local_names,
             readings=readings,
             windows={c.name: names.fresh(f"{c.name}_window") for c in kept if c.kept > 1},
@@ -149,7 +150,7 @@ class _Printer:
         for c in self.controller.channels:
             start = constant(c.initial, self.real).code
             if c.kept == 1:
-                items.append(_Item(self.last[c.name], scope.locals[c.name], start))
+                items.append(_Item(self.last[c.name], scope.readings[c.name][0], start))
             elif c.kept and is_unpacked(c):
                 # The newest of the step before is one step old in this one.
                 older = list(reversed(scope.readings[c.name][1:]))
@@ -173,7 +174,7 @@ class _Printer:
 
     def _take_in(self, place: int, c: Channel) -> list[str]:
         """Judges a reading, stands in for a missing one, and puts it into the buffer."""
-        x = self.scope.locals[c.name]
+        x = self.scope.readings[c.name][0]
         low = constant(max(c.low, -LARGEST[self.real]), self.real).code
         high = constant(min(c.high, LARGEST[self.real]), self.real).code
         read = f"float(values[{c.index}])"
@@ -229,9 +230,11 @@ class _Printer:
                 older = " = ".join(reversed(scope.readings[c.name]))
                 lines.append(f"    {older}")
             elif c.kept > 1:
-                lines.append(f"    {scope.windows[c.name]} = ({scope.locals[c.name]},) * {c.kept}")
+                lines.append(
+                    f"    {scope.windows[c.name]} = ({scope.readings[c.name][0]},) * {c.kept}"
+                )
         if c.kept > 1:
-            window, x = scope.windows[c.name], scope.locals[c.name]
+            window, x = scope.windows[c.name], scope.readings[c.name][0]
             if is_unpacked(c):
                 lines.append(f"{window} = ({', '.join(reversed(scope.readings[c.name]))})")
             else:

@@ -112,14 +112,13 @@ class _Lowering:
         interface = self._interface
         taken = [
             *(sensor.name for sensor in interface.sensors),
-            *(action.name for action in interface.actions),
             *(parameter.name for parameter in program.parameters),
         ]
-        block = Block(Names(taken))
-        raws = [
-            self._result(body, Local(action.name, _kind(action.type)), block)
-            for action, body in zip(interface.actions, program.bodies, strict=True)
-        ]
+        names = Names(taken)
+        raws = [Local(names.fresh(a.name), _kind(a.type)) for a in interface.actions]
+        block = Block(names)
+        for raw, body in zip(raws, program.bodies, strict=True):
+            self._result(body, raw, block)
         kept = {
             sub.action
             for body in program.bodies
@@ -162,7 +161,7 @@ class _Lowering:
             depth=depth,
         )
 
-    def _result(self, body: Term, local: Local, block: Block) -> Local:
+    def _result(self, body: Term, local: Local, block: Block) -> None:
         """Computes an action's value into its local."""
         scope: Scope = {}
         while isinstance(body, Let):
@@ -173,7 +172,6 @@ class _Lowering:
             self._into(local, body, scope, block)
         else:
             block.statements.append(Declare(local, self._atom(body, scope, block)))
-        return local
 
     def _named(self, term: Term, wish: str, scope: Scope, block: Block) -> Expression:
         """The atom as a leaf: a name, or what needs none."""
