@@ -30,7 +30,7 @@ from pirlc.simulation.environments import EnvironmentFacts, Simulator, make
 
 THREADS = 1
 """Of torch: two make networks of this size slower (measured, see docs/oracles.md)."""
-_TELL_EVERY = 1_000
+_TELL_EVERY = 250
 _PROGRESS = 0.01
 """An evaluation counts as better from this relative gain on, when patience is counted."""
 
@@ -44,7 +44,12 @@ _LEARNERS: dict[str, tuple[Any, Any]] = {
 }
 _OURS = {"net_arch", "noise"}
 """Hyperparameters that are not arguments of the learner's constructor as they stand."""
-_RESERVED = {"policy", "env", "seed", "device", "verbose", "_init_setup_model", "policy_kwargs"}
+_RESERVED = {
+    *("self", "args", "kwargs", "policy", "env", "seed", "device", "verbose", "_init_setup_model"),
+    *("policy_kwargs", "action_noise", "tensorboard_log", "replay_buffer_class"),
+    *("replay_buffer_kwargs", "rollout_buffer_class", "rollout_buffer_kwargs"),
+}
+"""Arguments of the constructors that are not for users to set."""
 
 
 @dataclass(frozen=True)
@@ -135,9 +140,10 @@ def run_attempt(
 def _learner(training: Training, environments: VecEnv, seed: int) -> Any:
     name, given = training.algorithm, dict(training.settings.learner)
     learner, policy = _LEARNERS[name]
-    signature = inspect.signature(learner.__init__).parameters
-    accepted = set(signature) | set(inspect.signature(learner.__mro__[1].__init__).parameters)
-    accepted = (accepted - _RESERVED - {"self", "args", "kwargs", "action_noise"}) | {"net_arch"}
+    accepted = set(inspect.signature(learner.__init__).parameters)
+    if "kwargs" in accepted:
+        accepted |= set(inspect.signature(learner.__base__.__init__).parameters)
+    accepted = (accepted - _RESERVED) | {"net_arch"}
     if name in ("td3", "ddpg", "sac"):
         accepted.add("noise")
     for key in given:

@@ -78,14 +78,17 @@ class _Model:
         match self.facts.actions:
             case DiscreteActions() as actions:
                 if outputs.dtype.kind in "iu" and outputs.shape in ((n,), (n, 1)):
-                    return outputs.astype(np.float64).reshape(n, 1)
+                    numbers: NDArray[np.float64] = outputs.astype(np.float64).reshape(n, 1)
+                    return numbers
                 if outputs.dtype.kind == "f" and outputs.shape == (n, actions.n):
-                    chosen = np.array(actions.values, dtype=np.float64)[outputs.argmax(axis=1)]
-                    return chosen[:, np.newaxis]
+                    known = np.array(actions.values, dtype=np.float64)
+                    chosen: NDArray[np.float64] = known[outputs.argmax(axis=1)].reshape(n, 1)
+                    return chosen
             case BoxActions(lower, upper):
                 if outputs.dtype.kind == "f" and outputs.shape == (n, len(lower)):
                     wide: NDArray[np.float64] = outputs.astype(np.float64)
-                    return np.minimum(np.maximum(wide, np.array(lower)), np.array(upper))
+                    within: NDArray[np.float64] = np.minimum(np.maximum(wide, lower), upper)
+                    return within
         found = f"{outputs.dtype} of shape {outputs.shape} for {n} observations"
         raise failure(
             OtherActions(self.origin, found, self.facts.id, expected_actions(self.facts.actions))

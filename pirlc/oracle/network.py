@@ -137,7 +137,8 @@ class NetworkOracle:
                 wide: NDArray[np.float64] = outputs.astype(np.float64)
                 if squashed:
                     wide = low + 0.5 * (np.tanh(wide) + 1.0) * (high - low)
-                return np.minimum(np.maximum(wide, low), high)
+                within: NDArray[np.float64] = np.minimum(np.maximum(wide, low), high)
+                return within
             case _:
                 assert_never(self.head)
 

@@ -34,7 +34,7 @@ from pirlc.oracle.settings import (
     with_overrides,
 )
 from pirlc.oracle.store import StoredOracle, load_stored, save_oracle
-from pirlc.simulation.environments import EnvironmentFacts, facts_of, make
+from pirlc.simulation.environments import EnvironmentFacts, make
 from pirlc.simulation.rollout import estimate, run_returns
 
 SELECTION_SEEDS = range(500_000, 500_050)
@@ -48,9 +48,9 @@ _TRAINING_SEEDS = range(400_000, 500_000)
 class Progress:
     """How far a training is.
 
-    `fraction` of all steps that it may yet take (0 to 1; attempts that turn out not to be needed
-    are skipped at the end), `recent` the mean return of the last exploring episodes and `best`
-    the best evaluation so far; None before there is one.
+    `fraction` of the steps that this attempt (counted from 1) may take, 0 to 1: it may end sooner.
+    `steps`: taken in all attempts. `recent`: the mean return of the last exploring episodes,
+    `best`: of the best evaluation so far; None before there is one.
     """
 
     fraction: float
@@ -151,7 +151,6 @@ def train(
     began = time.monotonic()
     simulator = make(training.environment, trust)
     try:
-        facts_of(simulator, training.environment)
 
         def evaluate(oracle: NetworkOracle) -> float:
             return math.fsum(run_returns(simulator, oracle, SELECTION_SEEDS)) / len(SELECTION_SEEDS)
@@ -202,7 +201,7 @@ def _teller(
 
     def tell(taken: int, recent: float | None, best: float | None) -> None:
         if report is not None:
-            done = min(1.0, (attempt + taken / settings.steps) / settings.attempts)
+            done = min(1.0, taken / settings.steps)
             top = best_before if best is None else max(best_before, best)
             shown = top if math.isfinite(top) else None
             report(Progress(done, before + taken, attempt + 1, recent, shown))

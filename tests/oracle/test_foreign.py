@@ -110,8 +110,8 @@ def test_torchscript_needs_trust(tmp_path: Path) -> None:
     assert message(path) == (
         "error[E0608]: loading `ORACLE` would run the code that it contains (TorchScript is a "
         "program)\n"
-        "  = help: if you trust where it comes from, add `--trust`; nothing needs trust in a folder "
-        "written by `pirlc oracle train`, or an ONNX file"
+        "  = help: if you trust where it comes from, add `--trust`; nothing needs trust in a "
+        "folder written by `pirlc oracle train`, or an ONNX file"
     )
     oracle = pickle.loads(pickle.dumps(opened(path, trust=True)))
     expected = (OBSERVATIONS.astype(np.float32) @ WEIGHT.T).argmax(axis=1)
