@@ -200,7 +200,8 @@ class _Printer:
         lines = [
             f"{x} = {f'_round({read})' if self.real == 'float' else read}",
             f"if not {low} <= {x} <= {high}:",
-            f"    if {x} - {x} != 0.0:  # NaN or infinite",
+            "    # NaN or infinite?",
+            f"    if {x} - {x} != 0.0:",
             *indented(absent, 2),
             "    else:",
             *indented(present, 2),
@@ -218,7 +219,8 @@ class _Printer:
             return f"{scope.windows[c.name]}[-1]"
         if not c.awaits_first:
             return "0.0"
-        return f"0.0 if {self.seen[c.name]} else {constant(c.initial, self.real).code}"
+        start = constant(c.initial, self.real).code
+        return start if start == "0.0" else f"0.0 if {self.seen[c.name]} else {start}"
 
     def _push(self, c: Channel, missing: int) -> list[str]:
         scope = self.scope
@@ -227,8 +229,8 @@ class _Printer:
             seen = self.seen[c.name]
             lines += [f"if not {seen} and not flags & {missing}:", f"    {seen} = True"]
             if c.kept > 1 and is_unpacked(c):
-                older = " = ".join(reversed(scope.readings[c.name]))
-                lines.append(f"    {older}")
+                newest, *older = scope.readings[c.name]
+                lines += [f"    {name} = {newest}" for name in older]
             elif c.kept > 1:
                 lines.append(
                     f"    {scope.windows[c.name]} = ({scope.readings[c.name][0]},) * {c.kept}"
@@ -267,7 +269,8 @@ class _Printer:
             f"    {name} = {low}",
             f"elif {name} > {high}:",
             f"    {name} = {high}",
-            f"elif {name} != {name}:  # NaN",
+            f"elif {name} != {name}:",
+            "    # NaN",
             f"    {name} = {self._safe(output)}",
             "    status |= SAFE_USED",
         ]

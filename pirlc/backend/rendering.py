@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import lru_cache
+from collections.abc import Callable, Mapping
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
+from pirlc.backend.text import wrapped_c, wrapped_python
 from pirlc.resources import templates
 
 if TYPE_CHECKING:
@@ -25,12 +26,19 @@ def _environment(target: str) -> Environment:
         autoescape=False,
     )
     environment.filters["lines"] = _lines
+    wrap = wrapped_python if target == "python" else wrapped_c
+    environment.filters["code"] = partial(_code, wrap)
     return environment
 
 
 def _lines(lines: list[str], prefix: str = "") -> str:
     """The lines one under another, each after the prefix, none with blanks at its end."""
     return "\n".join((prefix + line).rstrip() for line in lines)
+
+
+def _code(wrap: Callable[[str], list[str]], lines: list[str], prefix: str = "") -> str:
+    """Lines of code one under another, each after the prefix, long ones wrapped."""
+    return "\n".join(part for line in lines for part in (wrap(prefix + line) if line else [""]))
 
 
 def render(target: str, name: str, context: Mapping[str, object]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -73,6 +74,52 @@ def comment_lines(text: str) -> list[str]:
     while lines and not lines[-1]:
         lines.pop()
     return lines
+
+
+WIDTH = 100
+"""Columns of emitted code; a single long word may stand out."""
+
+
+def wrapped_c(line: str) -> list[str]:
+    """A line of C on as many lines as it takes; C lets any blank be a line end."""
+    indent = line[: len(line) - len(line.lstrip())]
+    return _wrapped(line, indent, indent + "    ")
+
+
+def wrapped_python(line: str) -> list[str]:
+    """A statement of Python on as many lines as it takes, in parentheses where they are needed.
+
+    Wraps the heads of `if` and `elif`, assignments to one name or from one, and `return`.
+    """
+    if len(line) <= WIDTH:
+        return [line]
+    indent = line[: len(line) - len(line.lstrip())]
+    word, _, rest = line.strip().partition(" ")
+    target, equals, value = line.strip().partition(" = ")
+    if word in ("if", "elif"):
+        assert rest.endswith(":")
+        first, inside, last = f"{word} (", rest[:-1], "):"
+    elif word == "return":
+        first, inside, last = "return (", rest, ")"
+    elif equals and value.startswith("self."):
+        first, inside, last = "(", target, f") = {value}"
+    elif equals:
+        first, inside, last = f"{target} = (", value, ")"
+    else:
+        return [line]
+    deeper = indent + "    "
+    return [indent + first, *_wrapped(inside, deeper, deeper), indent + last]
+
+
+def _wrapped(text: str, first: str, rest: str) -> list[str]:
+    return textwrap.wrap(
+        text.strip(),
+        WIDTH,
+        initial_indent=first,
+        subsequent_indent=rest,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 def indented(lines: Iterable[str], levels: int = 1) -> list[str]:

@@ -87,4 +87,6 @@ def bits(values) -> list[bytes]:
     ]
 
 
+FORMS = ("interpreter", "python", *(("c",) if COMPILERS else ()))
+
 UPDATE = bool(os.environ.get("PIRLC_UPDATE"))

@@ -9,10 +9,9 @@ import pytest
 
 from pirlc.backend.policies import python_controller
 from pirlc.diagnostics import PirlcError
-from tests.backend.helpers import COMPILERS, Run, compiled, program_of
+from tests.backend.helpers import COMPILERS, FORMS, Run, compiled, program_of
 
 NAN, INF = math.nan, math.inf
-FORMS = ["interpreter", "python", *(["c"] if COMPILERS else [])]
 
 MISSING, OUT_OF_RANGE, SAFE_USED = 1, 2, 4
 

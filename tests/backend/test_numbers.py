@@ -24,7 +24,8 @@ def digits(text: str) -> int:
 
 def is_tie(value: float, text: str) -> bool:
     """Whether the decimal lies just between two binary32 numbers: we print one digit more."""
-    neighbours = [np.nextafter(np.float32(value), np.float32(to)) for to in (-np.inf, np.inf)]
+    with np.errstate(over="ignore"):
+        neighbours = [np.nextafter(np.float32(value), np.float32(to)) for to in (-np.inf, np.inf)]
     middles = [(Fraction(value) + Fraction(float(n))) / 2 for n in neighbours if np.isfinite(n)]
     return Fraction(text) in middles
 
