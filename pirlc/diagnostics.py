@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from enum import Enum
 
 from pirlc.source import SourceText, Span
@@ -59,6 +58,8 @@ class PirlcError(Exception):
 
 def suggestion(name: str, known: Sequence[str]) -> str | None:
     """The known name that a misspelt one was most likely meant to be, if any comes close."""
+    from difflib import get_close_matches  # only mistakes pay for loading it
+
     close = get_close_matches(name, known, n=1, cutoff=0.6)
     if close:
         return close[0]

@@ -8,7 +8,6 @@ from pirlc.frontend.declare import declare
 from pirlc.frontend.describe import describe
 from pirlc.frontend.elaborate import elaborate
 from pirlc.frontend.explain import explain
-from pirlc.frontend.format import format_source
 from pirlc.frontend.parse import DEPTH_LIMIT, parse
 from pirlc.frontend.problems import Collector
 from pirlc.ir.policy import Sketch
@@ -32,6 +31,13 @@ def check(source: SourceText) -> tuple[Sketch, tuple[Diagnostic, ...]]:
         place = tree.declarations[0].span if tree.declarations else Span(0, 0)
         found = problems.Found(problems.TooDeep(place, DEPTH_LIMIT))
         raise PirlcError(describe(found, source)) from None
+
+
+def format_source(source: SourceText) -> str:
+    """The text in the one layout. Raises `PirlcError` with syntax diagnostics."""
+    from pirlc.frontend import format as formatter  # `pirlc check` starts without it
+
+    return formatter.format_source(source)
 
 
 def _elaborate(

@@ -6,6 +6,7 @@ many problems in one run as can be told apart. Non-goal: looking into expression
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -22,6 +23,7 @@ INDEX_LIMIT = 1_000_000
 DISCRETE_LIMIT = 2**31 - 1
 
 _D = TypeVar("_D", bound=syntax.Declaration)
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -74,12 +76,12 @@ def declare(tree: syntax.SyntaxTree, end: Span, collector: Collector) -> Declare
         fill=_fill(_single(tree, syntax.Fill, "fill", collector), collector),
     )
     scope = Scope(
-        sensors={sensor.name: sensor for sensor in reversed(sensors)},
-        actions={action.name: action for action in reversed(actions)},
-        parameters={parameter.name: parameter for parameter in reversed(parameters)},
-        rules={rule.name.text: rule for rule in reversed(_all(tree, syntax.Rule))},
+        sensors=_first_of_each((sensor.name, sensor) for sensor in sensors),
+        actions=_first_of_each((action.name, action) for action in actions),
+        parameters=_first_of_each((parameter.name, parameter) for parameter in parameters),
+        rules=_first_of_each((rule.name.text, rule) for rule in _all(tree, syntax.Rule)),
         window=window,
-        spans={n.text: n.span for n in reversed(_declared_names(tree))},
+        spans=_first_of_each((name.text, name.span) for name in _declared_names(tree)),
     )
     return Declared(interface, parameters, tuple(bodies), tuple(_all(tree, syntax.Property)), scope)
 
@@ -140,6 +142,14 @@ def check_guess(
         text = f"[{range_.lower.text}, {range_.upper.text}]"
     if lower <= upper and not lower <= guess.value <= upper:
         collector.add(problems.GuessOutside(guess.span, name, guess.text, text, place))
+
+
+def _first_of_each(pairs: Iterable[tuple[str, _T]]) -> dict[str, _T]:
+    """By name, in the order of the file; of a name declared twice, the first."""
+    found: dict[str, _T] = {}
+    for name, value in pairs:
+        found.setdefault(name, value)
+    return found
 
 
 def _all(tree: syntax.SyntaxTree, kind: type[_D]) -> list[_D]:

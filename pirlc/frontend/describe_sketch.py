@@ -57,9 +57,9 @@ def describe_sketch(problem: SketchProblem, source: SourceText) -> Diagnostic:
         case problems.TooManyInstances(span, name, limit):
             return Diagnostic(
                 "E0406",
-                f"the rules are used at more than {limit} combinations of types",
+                f"the rule `{name}` is used at more than {limit} combinations of types",
                 source,
-                Label(span, f"while reading `{name}`"),
+                Label(span, "read once for each"),
                 notes=("a sequence's length is part of its type",),
             )
         case problems.UnusedRule(span, name):

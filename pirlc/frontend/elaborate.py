@@ -38,7 +38,7 @@ def elaborate(
     ]
     rules: list[Rule] = []
     while instances.waiting:
-        rules.append(_rule(instances.waiting.pop(0), expressions))
+        rules.append(_rule(instances.waiting.popleft(), expressions))
     order = {name: position for position, name in enumerate(scope.rules)}
     properties = [_property(declaration, expressions) for declaration in declared.properties]
     return (

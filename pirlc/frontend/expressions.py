@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from pirlc.frontend import problems, syntax
+from pirlc.frontend.discrete import discrete_use, undecided
 from pirlc.frontend.guess import Guesser
 from pirlc.frontend.instances import Instances
 from pirlc.frontend.problems import Collector
@@ -55,8 +56,8 @@ class Expressions:
                 return self._discrete(expression, expected, role)
             case syntax.Conditional():
                 return self._conditional(expression, expected, context)
-            case syntax.Binding(name=name, value=value, body=body, span=span):
-                bound = self.infer(value, context)
+            case syntax.Binding(name=name, body=body, span=span):
+                bound = self._bound(expression, expected, context)
                 if bound is None:
                     return None
                 inside = context.binding({name.text: type_of(bound)})
@@ -96,8 +97,8 @@ class Expressions:
             case syntax.Conditional():
                 guess = self._guess(expression, context) or Real()
                 return self._conditional(expression, guess, context)
-            case syntax.Binding(name=name, value=value, body=body, span=span):
-                bound = self.infer(value, context)
+            case syntax.Binding(name=name, body=body, span=span):
+                bound = self._bound(expression, None, context)
                 if bound is None:
                     return None
                 body_term = self.infer(body, context.binding({name.text: type_of(bound)}))
@@ -115,6 +116,23 @@ class Expressions:
             )
         )
         return None
+
+    def _bound(
+        self, binding: syntax.Binding, expected: Type | None, context: Context
+    ) -> Term | None:
+        """The value of a `let` whose body has the expected type, if that is known."""
+        name, value = binding.name.text, binding.value
+        if undecided(value):
+            # The name itself must not settle what it is compared with.
+            outside = replace(
+                context, locals={n: t for n, t in context.locals.items() if n != name}
+            )
+            discrete = discrete_use(
+                name, binding.body, expected, lambda side: self._guess(side, outside)
+            )
+            if discrete is not None:
+                return self.check(value, discrete, context, f"the value of {name}")
+        return self.infer(value, context)
 
     # Leaves.
 
@@ -154,25 +172,26 @@ class Expressions:
     def _arithmetic(
         self, operator: Operator, operands: tuple[Expression, ...], span: Span, context: Context
     ) -> Term | None:
-        arguments = [self._numeric(operand, operator, context) for operand in operands]
-        made = tuple(argument for argument in arguments if argument is not None)
-        if len(made) < len(arguments) or not self._same_lengths(made, span):
+        arguments: list[Term] = []
+        # Written flat: this is where deep expressions spend their stack.
+        for operand in operands:
+            term = self.infer(operand, context)
+            if term is not None and self._is_numeric(term, operator):
+                arguments.append(term)
+        if len(arguments) < len(operands) or not self._same_lengths(arguments, span):
             return None
-        return terms.Apply(operator, made, span)
+        return terms.Apply(operator, tuple(arguments), span)
 
-    def _numeric(self, operand: Expression, operator: Operator, context: Context) -> Term | None:
-        term = self.infer(operand, context)
-        if term is None:
-            return None
+    def _is_numeric(self, term: Term, operator: Operator) -> bool:
         found = type_of(term)
         if isinstance(found, Real | Sequence):
-            return term
+            return True
         name = "-" if operator is Operator.NEGATE else operator.value
         role = f"an operand of `{name}`"
         self.collector.add(problems.TypeMismatch(term.span, "real", str(found), role))
-        return None
+        return False
 
-    def _same_lengths(self, arguments: tuple[Term, ...], span: Span) -> bool:
+    def _same_lengths(self, arguments: list[Term], span: Span) -> bool:
         first: tuple[Term, int] | None = None
         for argument in arguments:
             type_ = type_of(argument)

@@ -54,7 +54,7 @@ def format_source(source: SourceText) -> str:
         if isinstance(declaration, syntax.Sensor):
             out.append(sensors[start])
         else:
-            out.append(layout.render(layout.with_remarks(_declaration(declaration), inside)))
+            out.append(layout.render(_declaration(declaration), remarks=inside))
         last_end = end
     _comments(out, [item for item in remarks if item[0] >= last_end], source.text, last_end)
     return "\n".join(out) + "\n" if out else ""
@@ -167,13 +167,8 @@ def _declaration(declaration: _Single) -> Document:
 
 
 def _environment(declaration: syntax.Environment) -> Document:
-    head = together("environment ", Text(declaration.id.source, declaration.id.span.start))
-    if not declaration.arguments:
-        return head
     arguments: list[Document] = []
     for argument in declaration.arguments:
-        if arguments:
-            arguments.extend((Text(","), layout.Line()))
         match argument.value:
             case syntax.Text(source=source):
                 value = source
@@ -183,8 +178,7 @@ def _environment(declaration: syntax.Environment) -> Document:
                 value = "true" if truth else "false"
         start = argument.value.span.start
         arguments.append(together(_name(argument.name), " = ", Text(value, start)))
-    inner = layout.Indent(layout.Together((layout.Line(), *arguments)), 4)
-    return layout.Group(together(head, " {", inner, layout.Line(), "}"))
+    return layout.braces(f"environment {declaration.id.source}", arguments)
 
 
 def _action(declaration: syntax.Action) -> Document:

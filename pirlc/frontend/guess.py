@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from pirlc.frontend import syntax
+from pirlc.frontend.discrete import undecided
 from pirlc.frontend.scope import FUNCTIONS, Scope
 from pirlc.frontend.syntax import Expression
 from pirlc.ir.operators import COMPARISONS, Operator
@@ -69,23 +70,23 @@ class Guesser:
             return None
         # While it is being found out, a rule that calls itself learns nothing from that.
         self._known[key] = None
+        self._nested += 1
         rule = self.scope.rules[name]
         names = {formal.text: type_ for formal, type_ in zip(rule.formals, arguments, strict=False)}
-        self._nested += 1
         found = self._first(rule.alternatives, names)
+        self._known[key] = found
         self._nested -= 1
-        if found is None:
-            del self._known[key]
-        else:
-            self._known[key] = found
+        if self._nested == 0 and found is not None:
+            # What stayed open on the way may have been waiting for this.
+            self._known = {k: type_ for k, type_ in self._known.items() if type_ is not None}
         return found
 
     def _first(self, expressions: tuple[Expression, ...], names: Locals) -> Type | None:
-        """The first type that is settled; a number alone settles it only if nothing else does."""
+        """The first type that is settled; whole numbers settle it only if nothing else does."""
         fallback: Type | None = None
         for expression in expressions:
             found = self.type_of(expression, names)
-            if found is not None and not isinstance(syntax.ungrouped(expression), syntax.Number):
+            if found is not None and not undecided(expression):
                 return found
             fallback = fallback or found
         return fallback
@@ -104,12 +105,12 @@ class Guesser:
     def _action(self, name: str) -> Type:
         return Sequence(self.steps) if self.steps else self.scope.actions[name].type
 
-    def _broadcast(self, expressions: tuple[Expression, ...], names: Locals) -> Type:
-        for expression in expressions:
-            found = self.type_of(expression, names)
-            if isinstance(found, Sequence):
-                return found
-        return Real()
+    def _broadcast(self, expressions: tuple[Expression, ...], names: Locals) -> Type | None:
+        types = [self.type_of(expression, names) for expression in expressions]
+        sequences = [type_ for type_ in types if isinstance(type_, Sequence)]
+        if sequences:
+            return sequences[0]
+        return None if None in types else Real()
 
     def _call(self, name: str, arguments: tuple[Expression, ...], names: Locals) -> Type | None:
         if name in self.scope.rules:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 
 from pirlc.frontend import problems, syntax
@@ -9,6 +10,7 @@ from pirlc.frontend.problems import Collector
 from pirlc.ir.types import Type
 
 INSTANCE_LIMIT = 1_000
+"""Of one rule."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,8 @@ class Instances:
     """The instances asked for so far; `waiting` are those not read yet, oldest first."""
 
     collector: Collector
-    waiting: list[Instance] = field(default_factory=list)
+    waiting: deque[Instance] = field(default_factory=deque)
+    _count: dict[str, int] = field(default_factory=dict)
     _known: dict[tuple[str, tuple[Type, ...], Type], Instance] = field(default_factory=dict)
 
     def request(
@@ -37,10 +40,11 @@ class Instances:
         instance = self._known.get((name, arguments, result))
         if instance is not None:
             return instance
-        if len(self._known) >= INSTANCE_LIMIT:
+        number = self._count.get(name, 0) + 1
+        if number > INSTANCE_LIMIT:
             self.collector.add(problems.TooManyInstances(rule.name.span, name, INSTANCE_LIMIT))
             return None
-        number = 1 + sum(key[0] == name for key in self._known)
+        self._count[name] = number
         instance = Instance(name if number == 1 else f"{name}#{number}", rule, arguments, result)
         self._known[name, arguments, result] = instance
         self.waiting.append(instance)

@@ -133,7 +133,7 @@ def _name(name: syntax.Name, place: _Place) -> None:
     elif text in FUNCTIONS:
         place.collector.add(problems.WrongArgumentCount(name.span, text, USAGES[text], 0))
     else:
-        close = scope.close(text, sorted(place.locals))
+        close = None if place.collector.full else scope.close(text, sorted(place.locals))
         place.collector.add(problems.UnknownName(name.span, text, "name", close))
 
 

@@ -489,7 +489,12 @@ class Found:
 
 
 class Collector:
-    """Gathers problems, each once: a rule is read once for each combination of types."""
+    """Gathers problems, each once: a rule is read once for each combination of types.
+
+    Beyond `LIMIT` problems nobody reads on, and none is added.
+    """
+
+    LIMIT = 100
 
     def __init__(self) -> None:
         self.found: list[Found] = []
@@ -498,6 +503,10 @@ class Collector:
 
     def add(self, problem: Problem) -> None:
         key = (type(problem), getattr(problem, "span", None))
-        if key not in self._seen:
+        if key not in self._seen and not self.full:
             self._seen.add(key)
             self.found.append(Found(problem, self.context))
+
+    @property
+    def full(self) -> bool:
+        return len(self.found) >= self.LIMIT

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 from pirlc.frontend import problems, syntax
 from pirlc.frontend.declare import Declared
+from pirlc.frontend.graphs import circles, components
 from pirlc.frontend.problems import Collector
 from pirlc.frontend.syntax import Expression, ungrouped
 from pirlc.ir import terms
@@ -32,8 +33,8 @@ LARGE = 1e30
 
 def judge(declared: Declared, sketch: Sketch, collector: Collector) -> None:
     """Add the errors of the sketch as a whole. `sketch` may be incomplete if there were others."""
-    _check_ends(declared, collector)
-    _check_guarded(declared, collector)
+    ending = _check_ends(declared, collector)
+    _check_guarded(declared, ending, collector)
     if len(sketch.bodies) == len(sketch.interface.actions):
         for action, body in zip(sketch.interface.actions, sketch.bodies, strict=True):
             _check_safe(action, body, sketch, collector)
@@ -74,87 +75,76 @@ def _uses(expression: Expression, declared: Declared) -> list[str]:
     return [name for name in found if name in declared.scope.rules]
 
 
-def _check_ends(declared: Declared, collector: Collector) -> None:
+def _check_ends(declared: Declared, collector: Collector) -> set[str]:
+    """The rules that can end; for the others, problems are added."""
     rules = declared.scope.rules
     calls = {
         name: [_uses(alternative, declared) for alternative in rule.alternatives]
         for name, rule in rules.items()
     }
-    ending: set[str] = set()
-    while True:
-        more = {
-            name
-            for name, alternatives in calls.items()
-            if name not in ending and any(ending.issuperset(used) for used in alternatives)
-        }
-        if not more:
-            break
-        ending |= more
-    endless = [name for name in rules if name not in ending]
-    reported: set[str] = set()
-    for name in endless:
-        # Of rules that lead to each other, the first is named.
-        leads_to = _reachable(name, calls)
-        if name in leads_to and not any(
-            other in leads_to and name in _reachable(other, calls) for other in reported
-        ):
-            reported.add(name)
-            collector.add(problems.EndlessRule(rules[name].name.span, name))
+    ending = _ending(calls)
+    endless = {
+        name: [other for used in alternatives for other in used if other not in ending]
+        for name, alternatives in calls.items()
+        if name not in ending
+    }
+    for component in components(endless):
+        # Of rules that lead to each other, the first in the file is named.
+        first = next(name for name in endless if name in component)
+        collector.add(problems.EndlessRule(rules[first].name.span, first))
     for action, body in zip(declared.interface.actions, declared.bodies, strict=True):
         if body is not None:
             culprit = next((name for name in _uses(body, declared) if name not in ending), None)
             if culprit is not None:
                 collector.add(problems.NoProgram(body.span, action.name, culprit))
+    return ending
 
 
-def _reachable(start: str, calls: dict[str, list[list[str]]]) -> set[str]:
-    """The rules that a rule leads to."""
-    seen: set[str] = set()
-    waiting = [start]
-    while waiting:
-        for used in calls[waiting.pop()]:
-            waiting.extend(name for name in used if name not in seen)
-            seen.update(used)
-    return seen
+def _ending(calls: dict[str, list[list[str]]]) -> set[str]:
+    """The rules that have an alternative whose rules all end."""
+    needs: list[tuple[str, set[str]]] = []
+    needed_by: dict[str, list[int]] = {name: [] for name in calls}
+    ending: set[str] = set()
+    fresh: list[str] = []
+    for name, alternatives in calls.items():
+        for used in map(set, alternatives):
+            for other in used:
+                needed_by[other].append(len(needs))
+            needs.append((name, used))
+            if not used:
+                fresh.append(name)
+    while fresh:
+        done = fresh.pop()
+        if done in ending:
+            continue
+        ending.add(done)
+        for index in needed_by[done]:
+            name, used = needs[index]
+            used.discard(done)
+            if not used:
+                fresh.append(name)
+    return ending
 
 
-def _check_guarded(declared: Declared, collector: Collector) -> None:
-    """An alternative that is nothing but a rule adds nothing: such steps must not form a circle."""
-    rules = declared.scope.rules
+def _check_guarded(declared: Declared, ending: set[str], collector: Collector) -> None:
+    """An alternative that is nothing but a rule adds nothing: such steps must not form a circle.
+
+    Rules that never end have been reported as such.
+    """
     steps: dict[str, list[tuple[str, Span]]] = {}
-    for name, rule in rules.items():
+    for name, rule in declared.scope.rules.items():
         steps[name] = []
         for alternative in map(ungrouped, rule.alternatives):
             match alternative:
-                case syntax.Name(text=text) if text in rules:
+                case syntax.Name(text=text) if text in ending:
                     steps[name].append((text, alternative.span))
-                case syntax.Call(name=called) if called.text in rules:
+                case syntax.Call(name=called) if called.text in ending:
                     steps[name].append((called.text, alternative.span))
                 case _:
                     pass
-    reported: set[str] = set()
-    for name in rules:
-        cycle = _circle(name, steps)
-        if cycle is not None and not reported.intersection(cycle):
-            reported.update(cycle)
-            second = cycle[1]
-            span = next(span for target, span in steps[name] if target == second)
-            collector.add(problems.UnguardedRecursion(span, tuple(cycle)))
-
-
-def _circle(start: str, steps: dict[str, list[tuple[str, Span]]]) -> list[str] | None:
-    """The shortest way from a rule back to itself."""
-    paths = [[start]]
-    seen: set[str] = set()
-    while paths:
-        path = paths.pop(0)
-        for target, _ in steps[path[-1]]:
-            if target == start:
-                return [*path, start]
-            if target not in seen:
-                seen.add(target)
-                paths.append([*path, target])
-    return None
+    for cycle in circles({name: [target for target, _ in to] for name, to in steps.items()}):
+        span = next(span for target, span in steps[cycle[0]] if target == cycle[1])
+        collector.add(problems.UnguardedRecursion(span, tuple(cycle)))
 
 
 def _check_safe(action: ActionSpec, body: Term, sketch: Sketch, collector: Collector) -> None:

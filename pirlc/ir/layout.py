@@ -13,7 +13,7 @@ with these, so there is one layout.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import zip_longest
 from typing import assert_never
 
@@ -80,9 +80,16 @@ def together(*parts: Document | str) -> Together:
     return Together(tuple(Text(part) if isinstance(part, str) else part for part in parts))
 
 
-def render(document: Document, *, width: int = WIDTH) -> str:
-    """The document as text, without a final line end, in lines of at most `width` if possible."""
+def render(
+    document: Document, *, width: int = WIDTH, remarks: Sequence[tuple[int, Remark]] = ()
+) -> str:
+    """The document as text, without a final line end, in lines of at most `width` if possible.
+
+    `remarks` are comments and their offsets, in the order of the source: each is put before the
+    first text that came after it, or at the end.
+    """
     out: list[str] = []
+    comments = list(remarks)[::-1]
     column = 0
     must_break = False
     # Frames: the column that lines start at, whether the group around is flat, the document.
@@ -98,6 +105,9 @@ def render(document: Document, *, width: int = WIDTH) -> str:
     while stack:
         indent, flat, current = stack.pop()
         match current:
+            case Text(_, at) if at is not None and comments and comments[-1][0] < at:
+                stack.append((indent, flat, current))
+                stack.append((indent, flat, comments.pop()[1]))
             case Text(text):
                 if must_break and text:
                     newline(indent)
@@ -129,7 +139,8 @@ def render(document: Document, *, width: int = WIDTH) -> str:
             case Together(parts):
                 stack.extend((indent, flat, part) for part in reversed(parts))
             case Group(inner):
-                fits = flat or _fits(inner, stack, width - column)
+                offset = comments[-1][0] if comments else None
+                fits = flat or _fits(inner, stack, width - column, offset)
                 stack.append((indent, fits, inner))
             case Align(inner):
                 stack.append((column, flat, inner))
@@ -137,11 +148,22 @@ def render(document: Document, *, width: int = WIDTH) -> str:
                 stack.append((start, flat, inner))
             case _:
                 assert_never(current)
+        if not stack and comments:
+            stack.append((0, False, comments.pop()[1]))
     return "\n".join(line.rstrip() for line in "".join(out).split("\n"))
 
 
-def _fits(document: Document, rest: Sequence[tuple[int, bool, Document]], room: int) -> bool:
-    """Whether `document`, flat, and what follows it up to the next line end fit in `room`."""
+def _fits(
+    document: Document,
+    rest: Sequence[tuple[int, bool, Document]],
+    room: int,
+    comment: int | None,
+) -> bool:
+    """Whether `document`, flat, and what follows it up to the next line end fit in `room`.
+
+    `comment` is the offset of the next comment. It ends its line: a group with one inside has to
+    be broken.
+    """
     waiting: list[tuple[bool, Document]] = [(True, document)]
     following = len(rest)
     while room >= 0:
@@ -153,10 +175,11 @@ def _fits(document: Document, rest: Sequence[tuple[int, bool, Document]], room: 
             waiting.append((False, rest[following][2]))
         flat, current = waiting.pop()
         match current:
-            case Text(text):
+            case Text(text, at):
+                if comment is not None and at is not None and comment < at:
+                    return following < len(rest)
                 room -= len(text)
             case Remark():
-                # A comment ends its line: a group with one inside has to be broken.
                 return following < len(rest)
             case Line(between):
                 if not flat:
@@ -169,40 +192,6 @@ def _fits(document: Document, rest: Sequence[tuple[int, bool, Document]], room: 
             case _:
                 assert_never(current)
     return False
-
-
-def with_remarks(document: Document, remarks: Iterable[tuple[int, Remark]]) -> Document:
-    """The document with each comment put before the first text that came after it.
-
-    `remarks` are (offset, comment) in the order of the text; those after the last text are put at
-    the end.
-    """
-    waiting = list(remarks)[::-1]
-
-    def before(at: int) -> tuple[Document, ...]:
-        taken = []
-        while waiting and waiting[-1][0] < at:
-            taken.append(waiting.pop()[1])
-        return tuple(taken)
-
-    def walk(current: Document) -> Document:
-        match current:
-            case Text(_, at):
-                comments = before(at) if at is not None else ()
-                return Together((*comments, current)) if comments else current
-            case Together(parts):
-                return Together(tuple(walk(part) for part in parts))
-            case Group(inner) | Align(inner) | Indent(inner):
-                return replace(current, inner=walk(inner))
-            case Remark() | Line():
-                return current
-            case _:
-                assert_never(current)
-
-    if not waiting:
-        return document
-    walked = walk(document)
-    return Together((walked, *(remark for _, remark in reversed(waiting))))
 
 
 # Expressions.
@@ -348,6 +337,16 @@ def definition(head: str, bodies: Sequence[Piece], starts: Sequence[int] = ()) -
     flat = render(Group(all_bodies), width=10 * WIDTH)
     short = len(head) + 1 + len(flat) <= (ALTERNATIVES_LIMIT if others else WIDTH)
     return together(head, " ", Align(Group(all_bodies) if short else all_bodies))
+
+
+def braces(head: str, entries: Sequence[Document]) -> Document:
+    """`head { entry, ... }`, or one entry a line."""
+    if not entries:
+        return Text(head)
+    parts: list[Document] = [Line(), entries[0]]
+    for entry in entries[1:]:
+        parts.extend((Text(","), Line(), entry))
+    return Group(together(head, " {", Indent(Together(tuple(parts)), 4), Line(), "}"))
 
 
 def table(rows: Sequence[Sequence[str]]) -> list[str]:

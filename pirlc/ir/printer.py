@@ -55,9 +55,9 @@ def term_text(term: Term) -> str:
 
 
 def environment_text(environment: Environment) -> str:
-    arguments = ", ".join(f"{name} = {scalar_text(v)}" for name, v in environment.arguments)
-    braces = f" {{ {arguments} }}" if arguments else ""
-    return f"environment {scalar_text(environment.id)}{braces}"
+    head = f"environment {scalar_text(environment.id)}"
+    arguments = [f"{name} = {scalar_text(value)}" for name, value in environment.arguments]
+    return layout.render(layout.braces(head, list(map(layout.Text, arguments))))
 
 
 def scalar_text(value: Scalar) -> str:
