@@ -24,7 +24,8 @@ def wide_observations(rng: random.Random, interface: Interface, steps: int):
     table = np.zeros((steps, 1 + max(sensor.index for sensor in interface.sensors)))
     for sensor in interface.sensors:
         alone = replace(interface, sensors=(replace(sensor, index=0),))
-        table[:, sensor.index] = random_observations(rng, alone, steps)[:, 0]
+        with np.errstate(over="ignore"):
+            table[:, sensor.index] = random_observations(rng, alone, steps)[:, 0]
     return table
 
 

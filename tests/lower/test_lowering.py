@@ -1,0 +1,130 @@
+"""What the controller of a program keeps, computes and leaves out."""
+
+from __future__ import annotations
+
+from pirlc.ir.controller import (
+    Branch,
+    Channel,
+    Declare,
+    Define,
+    Loop,
+    Operation,
+    Select,
+    declared,
+    expressions,
+    worst_path,
+)
+from pirlc.ir.operators import Operator
+from pirlc.lower import lower
+from tests.backend.helpers import NAMES, load_program, program_of
+
+
+def controller(action: str, *lines: str):
+    return lower(
+        program_of(
+            "\n".join(
+                [
+                    "policy small",
+                    "sensor x : [0, 1] = 0",
+                    "sensor y : [-2, 6] = 3 missing zero",
+                    *lines,
+                    f"action u : [-9, 9] safe 0 = {action}",
+                ]
+            )
+        )
+    )
+
+
+def depths(action: str, *lines: str) -> list[int]:
+    return [channel.depth for channel in controller(action, *lines).channels]
+
+
+def test_buffers_are_as_long_as_the_program_looks_back():
+    window = ("window 10",)
+    assert depths("peek(x, -1)", *window) == [1, 0]
+    assert depths("peek(x, -4) + peek(y, -2)", *window) == [4, 2]
+    assert depths("fold(+, y)", *window) == [0, 10]
+    assert depths("peek(diff(diff(x)), -2)", *window) == [4, 0]
+    assert depths("peek(x, -1)", *window, "latency 3") == [4, 0]
+    assert depths("fold(+, 1 - x)", *window, "latency 3") == [13, 0]
+
+
+def test_what_no_action_depends_on_is_left_out():
+    made = controller(
+        "let a = peek(y, -5) + 1 in let s = fold(\\v acc -> acc + v * a, y, 0) in peek(x, -1)",
+        "window 20",
+    )
+    assert declared(made.statements) == ["u"]
+    assert [channel.depth for channel in made.channels] == [1, 0]
+
+
+def test_what_the_state_keeps_of_a_sensor():
+    hold, zero = controller("peek(x, -1) + peek(y, -1)").channels
+    assert (hold.kept, hold.awaits_first, hold.initial) == (1, False, 0.5)
+    assert (zero.kept, zero.awaits_first, zero.initial) == (0, True, 2.0)
+    hold, zero = controller("peek(x, -2) + peek(y, -2)", "window 2").channels
+    assert (hold.kept, hold.awaits_first, zero.kept, zero.awaits_first) == (2, True, 2, True)
+    hold, zero = controller("peek(x, -2) + peek(y, -1)", "window 2", "fill zero").channels
+    assert (hold.kept, hold.awaits_first, hold.initial) == (2, False, 0.0)
+    assert (zero.kept, zero.awaits_first, zero.initial) == (0, False, 0.0)
+
+
+def test_ranges_as_declared_and_as_judged():
+    made = controller("peek(x, -1)").channels[1]
+    assert isinstance(made, Channel)
+    assert (made.index, made.lower, made.upper, made.low, made.high) == (3, -2, 6, -2, 6)
+
+
+def test_short_folds_are_written_out_and_long_ones_are_one_loop():
+    short = controller("fold(+, 1 - x)", "window 5").statements
+    assert not any(isinstance(s, Loop) for s in short)
+    made = controller("fold(+, 1 - x)", "window 50")
+    assert [type(s) for s in made.statements] == [Declare, Loop, Declare]
+    loop = made.statements[1]
+    assert isinstance(loop, Loop) and loop.index.count == 49
+
+
+def test_conditionals_become_branches():
+    nested = "if peek(x, -1) > 0 then (if peek(y, -1) > 0 then 1 else 2) else 3"
+    statements = controller(nested).statements
+    assert [type(s) for s in statements] == [Declare, Branch]
+    short = controller("1 + (if peek(x, -1) > 0 then peek(y, -1) else 2)").statements
+    assert any(isinstance(e, Select) for e in expressions(short))
+
+
+def test_named_values_are_computed_once():
+    made = controller("let e = 0.5 - x in peek(e, -1) * peek(e, -1) + fold(+, e)", "window 3")
+    names = [s.local.name for s in made.statements if isinstance(s, Define)]
+    assert names == ["e_0", "e_2", "e_1"]
+    differences = [
+        e
+        for e in expressions(made.statements)
+        if isinstance(e, Operation) and e.operator is Operator.SUBTRACT
+    ]
+    assert len(differences) == 3
+
+
+def test_names_of_names_do_not_multiply():
+    chain = " ".join(f"let s{k + 1} = s{k} + s{k} in" for k in range(30))
+    made = controller(f"let s0 = x * x in {chain} peek(s30, -1)", "window 2")
+    assert worst_path(made.statements) == 31
+    wide = "diff(" * 25 + "x" + ")" * 25
+    made = controller(f"fold(+, {wide})", "window 60")
+    assert worst_path(made.statements) < 60 * 400
+
+
+def test_expressions_stay_low():
+    made = controller(" + ".join(["peek(x, -1)"] * 150))
+    tallest = max(e.height for e in expressions(made.statements) if isinstance(e, Operation))
+    assert tallest <= 21
+
+
+def test_previous_actions_are_kept_where_they_are_read():
+    kept = {o.name: o.keeps_previous for o in lower(load_program("two_actions")).outputs}
+    assert kept == {"steer": True, "gear": True}
+    assert [o.keeps_previous for o in controller("peek(x, -1)").outputs] == [False]
+
+
+def test_lowering_is_deterministic():
+    for name in NAMES:
+        assert lower(load_program(name)) == lower(load_program(name))
