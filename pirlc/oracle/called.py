@@ -162,8 +162,14 @@ class TorchScriptOracle(_Model):
             raise failure(DamagedOracle(self.origin, reason)) from error
 
         def call(x: NDArray[np.float32]) -> NDArray[Any]:
-            with torch.no_grad():
-                output = module(torch.from_numpy(x))
+            threads = torch.get_num_threads()
+            # More are slower on networks of this size.
+            torch.set_num_threads(1)
+            try:
+                with torch.no_grad():
+                    output = module(torch.from_numpy(x))
+            finally:
+                torch.set_num_threads(threads)
             first = output[0] if isinstance(output, tuple | list) else output
             return np.asarray(first.detach().cpu().numpy())
 
