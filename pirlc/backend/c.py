@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 from pirlc.backend import c_expressions as print_c
 from pirlc.backend.c_expressions import CScope, constant, is_ring
+from pirlc.backend.costs import checking_operations, program_operations
 from pirlc.backend.files import GeneratedFile, Provenance
 from pirlc.backend.names import c_locals, c_members, file_stem
 from pirlc.backend.numbers import LARGEST, RealType
-from pirlc.backend.rendering import render
+from pirlc.backend.rendering import render, runtime_text
 from pirlc.backend.text import comment_lines, indented
 from pirlc.ir.controller import (
     Channel,
@@ -20,7 +21,6 @@ from pirlc.ir.controller import (
     Parameter,
     declared,
     expressions,
-    worst_path,
 )
 from pirlc.ir.operators import Operator
 from pirlc.ir.policy import Choice, Continuous, Hold
@@ -144,6 +144,7 @@ class CPrinter:
             "uses_state": bool(controller.channels or self.previous),
             "may_fail": controller.may_fail,
             "needs_math": needs_math,
+            "ieee754": runtime_text("c", "ieee754.h"),
             "mantissa": 53 if self.real == "double" else 24,
             "max_exponent": 1024 if self.real == "double" else 128,
             "float_prefix": "DBL" if self.real == "double" else "FLT",
@@ -391,14 +392,3 @@ def _struct_size(members: list[tuple[str, int]]) -> int:
     total = sum(size for _, size in members)
     alignment = max(_SIZES.get(type_, 1) for type_, _ in members)
     return -(-total // alignment) * alignment
-
-
-def program_operations(controller: Controller) -> int:
-    """Operators, comparisons and tests that the program's own text costs on its worst path."""
-    return worst_path(controller.statements)
-
-
-def checking_operations(controller: Controller) -> int:
-    """Comparisons (and a subtraction) that judge readings, and those that clip actions."""
-    continuous = sum(isinstance(o.domain, Continuous) for o in controller.outputs)
-    return 4 * len(controller.channels) + 2 * continuous

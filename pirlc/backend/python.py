@@ -9,7 +9,7 @@ from pirlc.backend.files import GeneratedFile, Provenance
 from pirlc.backend.names import file_stem, python_locals
 from pirlc.backend.numbers import LARGEST, PRECISIONS, RealType
 from pirlc.backend.python_expressions import PythonScope, constant, is_unpacked
-from pirlc.backend.rendering import render
+from pirlc.backend.rendering import python_helpers, render
 from pirlc.backend.text import comment_lines, indented
 from pirlc.ir.controller import (
     Channel,
@@ -22,7 +22,6 @@ from pirlc.ir.controller import (
     declared,
     expressions,
 )
-from pirlc.ir.operators import Operator
 from pirlc.ir.policy import Continuous, Hold
 
 _TAKEN = ("observation", "values", "flags", "status", "failed", "INFINITY", "NAN", "PARAMS")
@@ -138,11 +137,16 @@ class _Printer:
             "result": self._result(),
             "discrete": all(o.kind is Kind.DISCRETE for o in controller.outputs),
             "single": gives_int(self.controller),
-            "helpers": sorted(
-                op.value for op in self.operators & {Operator.SQRT, Operator.EXP, Operator.TANH}
-            ),
-            "divides": "_divide(" in "\n".join(self._act()),
+            "helpers": self._helpers(),
         }
+
+    def _helpers(self) -> list[str]:
+        """The text of the support functions that the step calls."""
+        code = "\n".join(self._act())
+        needed = {name for name in python_helpers() if f"{name}(" in code}
+        if self.real == "float":
+            needed.add("_round")
+        return [text for name, text in python_helpers().items() if name in needed]
 
     def _items(self) -> list[_Item]:
         items = []

@@ -7,7 +7,7 @@ from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 from pirlc.backend.text import wrapped_c, wrapped_python
-from pirlc.resources import templates
+from pirlc.resources import runtime, templates
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -39,6 +39,22 @@ def _lines(lines: list[str], prefix: str = "") -> str:
 def _code(wrap: Callable[[str], list[str]], lines: list[str], prefix: str = "") -> str:
     """Lines of code one under another, each after the prefix, long ones wrapped."""
     return "\n".join(part for line in lines for part in (wrap(prefix + line) if line else [""]))
+
+
+def runtime_text(target: str, name: str) -> str:
+    """Hand-written support code that goes into emitted files as it is, without a final newline."""
+    return (runtime(target) / name).read_text(encoding="utf-8").rstrip("\n")
+
+
+@lru_cache(maxsize=1)
+def python_helpers() -> dict[str, str]:
+    """The functions of runtime/python/arithmetic.py, by name, in the order of that file."""
+    parts = runtime_text("python", "arithmetic.py").split("\n\n\n")
+    return {
+        part.removeprefix("def ").partition("(")[0]: part
+        for part in parts
+        if part.startswith("def ")
+    }
 
 
 def render(target: str, name: str, context: Mapping[str, object]) -> str:

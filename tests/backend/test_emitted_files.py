@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from pirlc.backend.c import checking_operations, program_operations
+from pirlc.backend.costs import checking_operations, program_operations
 from pirlc.backend.emit import emit, emit_to
 from pirlc.diagnostics import PirlcError
 from pirlc.ir.printer import program_text
