@@ -130,7 +130,9 @@ KNOWN: Mapping[tuple[str, str], Settings] = {
         steps=300_000,
         copies=16,
         evaluate_every=20_000,
-        acceptable=-83.0,
+        # The bounds of its velocities are far from what occurs.
+        scale=False,
+        acceptable=-82.0,
         attempts=3,
         patience=8,
         learner={
