@@ -284,3 +284,39 @@ def test_saving_again_replaces(tmp_path: Path) -> None:
     stored(tmp_path / "o", PENDULUM)
     assert load_stored(tmp_path / "o").manifest.environment == PENDULUM
     assert [p.name for p in tmp_path.iterdir()] == ["o"]
+
+
+def test_a_full_disk_leaves_the_old_oracle(tmp_path: Path) -> None:
+    folder = stored(tmp_path / "o").folder
+    before = {p.name: p.read_bytes() for p in folder.iterdir()}
+    code = (
+        "import resource, sys\n"
+        "from pathlib import Path\n"
+        "from pirlc.diagnostics import PirlcError\n"
+        "from pirlc.oracle.store import load_stored, save_oracle\n"
+        f"known = load_stored(Path({str(folder)!r}))\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
+        "try:\n"
+        "    save_oracle(known.oracle, known.manifest, known.folder)\n"
+        "except PirlcError as error:\n"
+        "    print(error)\n"
+    )
+    root = Path(__file__).parents[2]
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True)
+    assert done.stdout == f"E0615: cannot save the oracle in `{folder}`\n", done.stderr
+    assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
+    assert [p.name for p in tmp_path.iterdir()] == ["o"]
+
+
+def test_every_code_has_its_page() -> None:
+    import re
+
+    from pirlc.oracle import problems as of_oracles
+    from pirlc.resources import explanations
+    from pirlc.simulation import problems as of_simulation
+
+    for module, letter in ((of_simulation, "E05"), (of_oracles, "E06")):
+        assert module.__file__ is not None
+        used = set(re.findall(r'"(E\d{4})"', Path(module.__file__).read_text()))
+        pages = {page.stem for page in explanations().glob(f"{letter}*.md")}
+        assert used == pages
