@@ -48,6 +48,31 @@ def weight_bytes(network: Network) -> bytes:
     return save({name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()})
 
 
+def default_cache() -> Path:
+    """The folder of trained oracles in the user's cache."""
+    from platformdirs import user_cache_dir
+
+    return Path(user_cache_dir("pirlc", appauthor=False)) / "oracles"
+
+
+def check_place(folder: Path) -> None:
+    """Find out before a long training whether an oracle can be saved there.
+
+    Raises PirlcError E0615.
+    """
+    try:
+        _refuse_foreign(folder)
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent)).rmdir()
+    except OSError as error:
+        raise failure(Unwritable(str(folder), error.strerror or str(error))) from error
+
+
+def _refuse_foreign(folder: Path) -> None:
+    if folder.exists() and not (folder / MANIFEST).is_file() and any(folder.iterdir()):
+        raise failure(Unwritable(str(folder), "it exists and does not hold an oracle"))
+
+
 def save_oracle(oracle: NetworkOracle, manifest: Manifest, folder: Path) -> StoredOracle:
     """Write the folder whole or not at all; an oracle that is there already is replaced.
 
@@ -57,8 +82,7 @@ def save_oracle(oracle: NetworkOracle, manifest: Manifest, folder: Path) -> Stor
     manifest = replace(manifest, sha256=hashlib.sha256(data).hexdigest())
     draft: Path | None = None
     try:
-        if folder.exists() and not (folder / MANIFEST).is_file() and any(folder.iterdir()):
-            raise failure(Unwritable(str(folder), "it exists and does not hold an oracle"))
+        _refuse_foreign(folder)
         folder.parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
         draft.chmod(0o755)

@@ -37,7 +37,7 @@ from pirlc.oracle.store import StoredOracle, load_stored, save_oracle
 from pirlc.simulation.environments import EnvironmentFacts, make
 from pirlc.simulation.rollout import estimate, run_returns
 
-SELECTION_SEEDS = range(500_000, 500_050)
+SELECTION_SEEDS = range(500_000, 500_100)
 """The episodes that the kept policy is chosen by."""
 SCORE_SEEDS = range(510_000, 510_100)
 """The episodes that the manifest's return is measured on."""
