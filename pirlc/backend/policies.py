@@ -6,11 +6,11 @@ of parameter values run on it. Factories are picklable, so that worker processes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pirlc.backend.files import Provenance
 from pirlc.backend.numbers import RealType
@@ -20,6 +20,9 @@ from pirlc.ir.controller import Controller
 from pirlc.ir.policy import FreeParameter, Program, ProgramTemplate
 from pirlc.lower import lower
 
+if TYPE_CHECKING:
+    from pirlc.ir.observation import Observation
+
 
 class PythonPolicy:
     """An instance of an emitted Python controller, with the protocol of simulations."""
@@ -28,7 +31,7 @@ class PythonPolicy:
         self.controller = controller
         self.reset: Callable[[], None] = controller.reset
         step = controller.step
-        self.act: Callable[[Sequence[float]], tuple[float, ...]] = (
+        self.act: Callable[[Observation], tuple[float, ...]] = (
             (lambda observation: (step(observation),)) if single else step
         )
 
@@ -100,7 +103,7 @@ class CPolicy:
         self.controller = controller
         self.reset = controller.reset
 
-    def act(self, observation: Sequence[float]) -> tuple[float, ...]:
+    def act(self, observation: Observation) -> tuple[float, ...]:
         return self.controller.step(observation)[0]
 
     @property

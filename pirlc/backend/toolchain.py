@@ -19,9 +19,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pirlc.backend.c import CPrinter, c_files
-from pirlc.backend.files import Provenance, write_text
+from pirlc.backend.files import GeneratedFile, Provenance, write_text
 from pirlc.backend.names import file_stem
 from pirlc.backend.numbers import RealType
 from pirlc.backend.problems import (
@@ -35,6 +36,9 @@ from pirlc.backend.problems import (
 )
 from pirlc.backend.rendering import render
 from pirlc.ir.controller import Controller, Kind
+
+if TYPE_CHECKING:
+    from pirlc.ir.observation import Observation
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 """How pirlc itself builds emitted C; the header tells users the same."""
@@ -124,8 +128,19 @@ def build(
     flags: Sequence[str] = FLAGS,
 ) -> Path:
     """The path of the library, compiled if it is not there yet."""
-    stem = file_stem(controller.name)
     files = c_files(controller, real, Provenance(controller.name))
+    return build_files(controller, files, folder, compiler, flags)
+
+
+def build_files(
+    controller: Controller,
+    files: Sequence[GeneratedFile],
+    folder: Path,
+    compiler: Compiler,
+    flags: Sequence[str] = FLAGS,
+) -> Path:
+    """The same of given files: the controller's header and source, named as `c_files` does."""
+    stem = file_stem(controller.name)
     bridge = bridge_text(controller, stem)
     made_of = [*(file.text for file in files), bridge, *compiler.command, compiler.version, *flags]
     digest = sha256("\0".join(made_of).encode()).hexdigest()[:32]
@@ -232,7 +247,7 @@ class CController:
         self.library.bridge_reset(self._state)
         self.status = 0
 
-    def step(self, observation: Sequence[float]) -> tuple[tuple[float, ...], int]:
+    def step(self, observation: Observation) -> tuple[tuple[float, ...], int]:
         """The applied actions, discrete ones as ints, and the status bits."""
         self._observation[: self._width] = list(map(float, observation[: self._width]))
         self.status = self.library.bridge_step(

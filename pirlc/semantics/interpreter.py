@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import assert_never
+from typing import TYPE_CHECKING, assert_never
 
 from pirlc.ir.operators import Operator
 from pirlc.ir.policy import (
@@ -46,6 +46,9 @@ from pirlc.ir.terms import (
     Term,
 )
 from pirlc.semantics.precision import BINARY64, Precision, middle, widened
+
+if TYPE_CHECKING:
+    from pirlc.ir.observation import Observation
 
 MISSING = 1
 """Status bit, and a sensor's flag: the reading was NaN or infinite."""
@@ -108,7 +111,7 @@ def initial_state(program: Program, precision: Precision = BINARY64) -> State:
 
 
 def step(
-    program: Program, state: State, observation: Sequence[float], precision: Precision = BINARY64
+    program: Program, state: State, observation: Observation, precision: Precision = BINARY64
 ) -> StepResult:
     """One step on an observation vector (a sensor reads its component `index`)."""
     interface = program.interface

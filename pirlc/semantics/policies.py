@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from pirlc.ir.policy import Program
 from pirlc.semantics.interpreter import State, initial_state, step
 from pirlc.semantics.precision import BINARY64, Precision
+
+if TYPE_CHECKING:
+    from pirlc.ir.observation import Observation
 
 
 class InterpretedPolicy:
@@ -24,7 +27,7 @@ class InterpretedPolicy:
         self.state = initial_state(self.program, self.precision)
         self.status = 0
 
-    def act(self, observation: Sequence[float]) -> tuple[float, ...]:
+    def act(self, observation: Observation) -> tuple[float, ...]:
         """The applied actions in the order of the environment's components."""
         result = step(self.program, self.state, observation, self.precision)
         self.state, self.status = result.state, result.status

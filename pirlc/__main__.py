@@ -1,0 +1,7 @@
+"""`python -m pirlc`."""
+
+import sys
+
+from pirlc.cli import main
+
+sys.exit(main())

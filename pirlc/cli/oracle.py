@@ -1,0 +1,76 @@
+"""`pirlc oracle`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pirlc.cli.session import Session, json_option, pass_session
+
+
+@click.group("oracle")
+def group() -> None:
+    """Train oracles, and list those that there are."""
+
+
+def _settings(_: click.Context, __: click.Parameter, entries: tuple[str, ...]) -> dict[str, Any]:
+    """``key=value`` pairs; a value is JSON where it can be read as such, else a string."""
+    found: dict[str, Any] = {}
+    for entry in entries:
+        name, equals, value = entry.partition("=")
+        if not equals or not name.isidentifier():
+            raise click.BadParameter(f"write key=value, such as learning_rate=0.001; not {entry!r}")
+        try:
+            found[name] = json.loads(value)
+        except ValueError:
+            found[name] = value
+    return found
+
+
+@group.command(
+    "train", epilog="Example: pirlc oracle train cartpole.pirl --algorithm ppo -o oracle"
+)
+@click.argument("sketch")
+@click.option("--algorithm", metavar="NAME", help="ppo, dqn, duel-ddqn, td3, sac or ddpg.")
+@click.option("--steps", type=click.IntRange(1), help="Environment steps of an attempt, at most.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+@click.option(
+    "--set", "settings", multiple=True, metavar="KEY=VALUE", callback=_settings,
+    help="Another setting of the training or of its algorithm; may be repeated.",
+)  # fmt: skip
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path),
+    help="The folder to save the oracle in (default: pirlc's cache).",
+)  # fmt: skip
+@click.option("--trust", is_flag=True, help="Let an environment `module:id` run its code.")
+@json_option
+@pass_session
+def train(
+    session: Session,
+    sketch: str,
+    algorithm: str | None,
+    steps: int | None,
+    seed: int,
+    settings: dict[str, Any],
+    output: Path | None,
+    trust: bool,
+) -> None:
+    """Train an oracle for SKETCH's environment, or find it among those trained before."""
+    from pirlc.cli.oracles import Wish, train_for
+
+    overrides = settings if steps is None else {**settings, "steps": steps}
+    train_for(session, sketch, Wish(algorithm, seed, overrides, output, trust))
+
+
+@group.command("list", epilog="Example: pirlc oracle list")
+@click.argument("folder", required=False, type=click.Path(path_type=Path))
+@json_option
+@pass_session
+def list_(session: Session, folder: Path | None) -> None:
+    """List the oracles in FOLDER (default: pirlc's cache), with what they reach."""
+    from pirlc.cli.oracles import show_stored
+
+    show_stored(session, folder)

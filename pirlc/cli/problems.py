@@ -1,0 +1,162 @@
+"""The mistakes about files and about what a command is given (codes E0701 to E0709)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import assert_never
+
+from pirlc.diagnostics import Diagnostic, Label, PirlcError
+from pirlc.source import SourceText, Span
+
+
+@dataclass(frozen=True)
+class Unreadable:
+    """A file that cannot be opened or read; `reason` is the system's."""
+
+    place: str
+    reason: str
+    similar: str | None = None
+
+
+@dataclass(frozen=True)
+class NotText:
+    """`offset`: of the first byte that is not UTF-8, counted from 0."""
+
+    place: str
+    offset: int
+
+
+@dataclass(frozen=True)
+class TooLarge:
+    place: str
+    limit: int
+
+
+@dataclass(frozen=True)
+class StillOpen:
+    """A sketch where a program is needed; `choices` are the places of what is left to choose."""
+
+    source: SourceText
+    choices: tuple[tuple[Span, str], ...]
+
+
+@dataclass(frozen=True)
+class SystemRefused:
+    place: str | None
+    reason: str
+
+
+@dataclass(frozen=True)
+class OutOfMemory:
+    pass
+
+
+@dataclass(frozen=True)
+class UnknownCode:
+    code: str
+    similar: str | None
+
+
+@dataclass(frozen=True)
+class NoSketch:
+    """A policy that does not say where it acts; `kind` is what it is."""
+
+    place: str
+    kind: str
+
+
+@dataclass(frozen=True)
+class OtherProgram:
+    """A C file that differs from what the program is emitted as."""
+
+    place: str
+    program: str
+
+
+Problem = (
+    Unreadable
+    | NotText
+    | TooLarge
+    | StillOpen
+    | SystemRefused
+    | OutOfMemory
+    | UnknownCode
+    | NoSketch
+    | OtherProgram
+)
+
+_SHOWN = 6
+
+
+def error(problem: Problem) -> PirlcError:
+    return PirlcError(describe(problem))
+
+
+def describe(problem: Problem) -> Diagnostic:
+    """The problem in words."""
+    match problem:
+        case Unreadable(place, reason, similar):
+            return Diagnostic(
+                "E0701",
+                f"cannot read {place}: {reason}",
+                help=f"did you mean {similar}?" if similar else None,
+            )
+        case NotText(place, offset):
+            return Diagnostic(
+                "E0702",
+                f"{place} is not a text in UTF-8",
+                notes=(f"byte {offset + 1:,} does not belong in one",),
+                help="a .pirl file is plain text; save it again as UTF-8",
+            )
+        case TooLarge(place, limit):
+            return Diagnostic(
+                "E0703",
+                f"{place} is larger than {limit:,} bytes",
+                help="a .pirl file is a few dozen lines; is this the right file?",
+            )
+        case StillOpen(source, choices):
+            (span, words), *others = choices[:_SHOWN]
+            left = len(choices) - 1 - len(others)
+            return Diagnostic(
+                "E0704",
+                "this is a sketch: a program is needed, with nothing left to choose",
+                source,
+                Label(span, words),
+                tuple(Label(*other) for other in others),
+                notes=(f"{left} more left open",) if left else (),
+                help="`pirlc synth` makes a program of a sketch",
+            )
+        case SystemRefused(place, reason):
+            what = f"{place}: {reason}" if place else reason
+            return Diagnostic("E0705", f"the system refused: {what}")
+        case OutOfMemory():
+            return Diagnostic(
+                "E0706",
+                "there is not enough memory",
+                help="ask for less (a smaller --size, fewer --workers), or close other programs",
+            )
+        case UnknownCode(code, similar):
+            return Diagnostic(
+                "E0707",
+                f"no diagnostic has the code {code!a}",
+                help=f"did you mean {similar}?"
+                if similar
+                else "codes are an E and four digits, such as E0303",
+            )
+        case NoSketch(place, kind):
+            return Diagnostic(
+                "E0708",
+                f"{place} does not say where it acts",
+                notes=(f"it is {kind}",),
+                help="name its program or sketch with --sketch FILE",
+            )
+        case OtherProgram(place, program):
+            return Diagnostic(
+                "E0709",
+                f"{place} is not what this pirlc emits from {program}",
+                notes=("compiling it would run code that pirlc has not written",),
+                help="emit it again, or give its own program with --sketch; if you trust it as it "
+                "is, add --trust",
+            )
+        case _:
+            assert_never(problem)
