@@ -25,7 +25,7 @@ from pirlc.oracle.export import export
 from pirlc.oracle.manifest import Json
 from pirlc.oracle.network import NetworkOracle, Scaling
 from pirlc.oracle.problems import BadHyperparameter, TrainingFailed, UnsupportedNetwork, failure
-from pirlc.oracle.train import Tell, Training
+from pirlc.oracle.train import FINALISTS, Candidate, Tell, Training
 from pirlc.simulation.environments import EnvironmentFacts, Simulator, make
 
 THREADS = 1
@@ -54,10 +54,9 @@ _RESERVED = {
 
 @dataclass(frozen=True)
 class Outcome:
-    """The best policy of an attempt, by its mean return in the evaluations."""
+    """The best policies of an attempt with their mean returns in the evaluations, best first."""
 
-    oracle: NetworkOracle
-    best_return: float
+    best: tuple[Candidate, ...]
     steps: int
 
 
@@ -133,8 +132,7 @@ def run_attempt(
         torch.set_num_threads(threads)
         if environments is not None:
             environments.close()
-    assert watch.best is not None
-    return Outcome(watch.best, watch.best_return, watch.num_timesteps)
+    return Outcome(tuple(watch.best), watch.num_timesteps)
 
 
 def _learner(training: Training, environments: VecEnv, seed: int) -> Any:
@@ -185,8 +183,7 @@ class _Watch(BaseCallback):
         super().__init__()
         self.training, self.scaling = training, scaling
         self.evaluate, self.tell = evaluate, tell
-        self.best: NetworkOracle | None = None
-        self.best_return = -math.inf
+        self.best: list[Candidate] = []
         self._mark = -math.inf
         self._stale = self._full = self._judged = self._told = 0
 
@@ -201,14 +198,15 @@ class _Watch(BaseCallback):
         if not all(np.isfinite(w).all() for w in (*oracle.network.weights, *oracle.network.biases)):
             raise ArithmeticError("the network's weights are no longer finite")
         now = self.evaluate(oracle)
-        if now > self.best_return or self.best is None:
-            self.best, self.best_return = oracle, now
+        # Sorting is stable: of equal ones the first seen stays ahead.
+        self.best = sorted([*self.best, (now, oracle)], key=lambda c: -c[0])[:FINALISTS]
+        best_return = self.best[0][0]
         self._full = self._full + 1 if settings.enough is not None and now >= settings.enough else 0
-        if self.best_return > self._mark + _PROGRESS * abs(self._mark) or self._mark == -math.inf:
-            self._mark, self._stale = self.best_return, 0
+        if best_return > self._mark + _PROGRESS * abs(self._mark) or self._mark == -math.inf:
+            self._mark, self._stale = best_return, 0
         else:
             self._stale += 1
-        good = settings.acceptable is not None and self.best_return >= settings.acceptable
+        good = settings.acceptable is not None and best_return >= settings.acceptable
         return self._full < 2 and not (good and self._stale >= settings.patience)
 
     def _on_step(self) -> bool:
@@ -217,7 +215,7 @@ class _Watch(BaseCallback):
             self._told = taken
             recent = [episode["r"] for episode in self.model.ep_info_buffer or ()]
             mean = math.fsum(recent) / len(recent) if recent else None
-            self.tell(taken, mean, self.best_return if self.best is not None else None)
+            self.tell(taken, mean, self.best[0][0] if self.best else None)
         if taken - self._judged >= self.training.settings.evaluate_every:
             return self.judge()
         return True
