@@ -4,8 +4,8 @@
 
     Interface       = name, environment?, Sensor*, ActionSpec*, window, sample_time?, latency, fill
     Sketch          = Interface, Parameter*, Rule*, one Term an action, Property*
-    ProgramTemplate = Interface, Parameter*,        one Term an action, Property*   (no rules, no holes)
-    Program         = Interface, FixedParameter*,   one Term an action, Property*   (closed)
+    ProgramTemplate = Interface, Parameter*,        one Term an action, Property*  (no rules, holes)
+    Program         = Interface, FixedParameter*,   one Term an action, Property*  (closed)
 """
 
 from __future__ import annotations

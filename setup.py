@@ -1,0 +1,17 @@
+"""What pyproject.toml cannot say: the resource folders stand beside the package in a checkout, and
+the wheel carries them inside it, where `pirlc.resources` finds them.
+"""
+
+from setuptools import find_packages, setup
+
+RESOURCES = {f"pirlc._resources.{name}": name for name in ("grammars", "templates", "runtime")}
+
+setup(
+    packages=[*find_packages(include=["pirlc", "pirlc.*"]), *RESOURCES],
+    package_dir=RESOURCES,
+    package_data={
+        "pirlc": ["py.typed", "explanations/*.md"],
+        **{package: ["**/*.lark", "**/*.j2", "**/*.[ch]", "**/*.py"] for package in RESOURCES},
+    },
+    include_package_data=False,
+)
