@@ -12,6 +12,7 @@ from pathlib import Path, PurePosixPath
 
 import pirlc
 from pirlc.backend.problems import NotAFolder, NotWritable, error
+from pirlc.diagnostics import PirlcError
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,11 @@ def write(files: Iterable[GeneratedFile], folder: Path) -> tuple[Path, ...]:
 
 
 def write_text(place: Path, text: str) -> Path:
+    """Writes one file of UTF-8 by renaming a complete one onto it."""
+    return write_bytes(place, text.encode())
+
+
+def write_bytes(place: Path, data: bytes) -> Path:
     """Writes one file by renaming a complete one onto it."""
     folder = place.parent
     try:
@@ -59,8 +65,8 @@ def write_text(place: Path, text: str) -> Path:
     temporary = None
     try:
         handle, temporary = tempfile.mkstemp(prefix=".pirlc-", dir=folder)
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
-            stream.write(text)
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
         mask = os.umask(0)
         os.umask(mask)
         Path(temporary).chmod(0o666 & ~mask)
@@ -69,8 +75,13 @@ def write_text(place: Path, text: str) -> Path:
         if temporary is not None:
             with contextlib.suppress(OSError):
                 Path(temporary).unlink()
-        raise error(NotWritable(str(place), _reason(e))) from None
+        raise not_writable(place, e) from None
     return place
+
+
+def not_writable(place: Path, e: OSError) -> PirlcError:
+    """What to raise for a file that the system will not write, such as on a full disk."""
+    return error(NotWritable(str(place), _reason(e)))
 
 
 def _reason(e: OSError) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,7 @@ def within_noise(one: Candidate, other: Candidate) -> bool:
     assert other.returns is not None
     difference = np.array(one.returns) - np.array(other.returns)
     spread = float(np.std(difference, ddof=1)) / len(difference) ** 0.5
-    return abs(float(np.mean(difference))) <= 1.96 * spread
+    return bool(abs(np.mean(difference)) <= 1.96 * spread)
 
 
 def choose(candidates: list[Candidate]) -> Candidate:
@@ -60,24 +60,36 @@ def choose(candidates: list[Candidate]) -> Candidate:
     return min(equal, key=lambda c: (c.size, -c.mean))
 
 
-def as_json(candidate: Candidate, stage: str) -> dict[str, Any]:
+class Entry(TypedDict):
     """A line of the record: enough to build the program again from the sketch."""
+
+    stage: str
+    size: int
+    loss: float
+    mean_return: float | None
+    episodes: int
+    values: dict[str, float]
+    derivations: list[Any]
+
+
+def as_entry(candidate: Candidate, stage: str) -> Entry:
     return {
         "stage": stage,
         "size": candidate.size,
         "loss": candidate.loss,
         "mean_return": None if candidate.returns is None else candidate.mean,
-        "episodes": 0 if candidate.returns is None else len(candidate.returns),
+        "episodes": len(candidate.returns or ()),
         "values": dict(candidate.values),
         "derivations": [_plain(d) for d in candidate.expansion.derivations],
     }
 
 
-def from_json(sketch: Sketch, entry: dict[str, Any]) -> Candidate:
+def from_entry(sketch: Sketch, entry: Entry) -> Candidate:
     """The candidate of a line of the record, without its returns."""
     derivations = tuple(_derivation(d) for d in entry["derivations"])
-    values = tuple(sorted((str(k), float(v)) for k, v in entry["values"].items()))
-    return Candidate(expand(sketch, derivations), values, float(entry["loss"]))
+    return Candidate(
+        expand(sketch, derivations), tuple(sorted(entry["values"].items())), entry["loss"]
+    )
 
 
 def _plain(derivation: Derivation) -> list[Any]:

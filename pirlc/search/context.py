@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
@@ -16,7 +16,8 @@ from pirlc.search.candidate import Candidate
 from pirlc.search.enumeration import Enumeration
 from pirlc.search.journal import Journal
 from pirlc.search.settings import Progress, Settings, Tell
-from pirlc.simulation.workers import collect_returns_of_each
+from pirlc.simulation.policy import PolicyFactory
+from pirlc.simulation.workers import collect_returns, collect_returns_of_each
 
 FIRST_EVALUATION_SEED = 1_000_000
 """Episodes of a search start from seeds below this one; those of evaluations from here on."""
@@ -29,7 +30,7 @@ Record = list[tuple[str, Candidate]]
 class Search:
     """One search: its problem, its settings, its journal, and the programs it has met.
 
-    `keep` is called with the stage and the program for each of them, as it is met.
+    `tell` is told of progress, `record` of each program with its stage, as it is met.
     """
 
     sketch: Sketch
@@ -38,6 +39,7 @@ class Search:
     journal: Journal
     workers: int
     tell: Tell
+    record: Callable[[str, Candidate], None]
     trust: bool = False
     met: Record = field(default_factory=list)
 
@@ -85,9 +87,28 @@ class Search:
         rows = self.journal.each("returns", values, keys, run)
         return np.array(rows, dtype=np.float64).reshape(len(values), len(seeds))
 
+    def evaluate(
+        self, name: str, policy: PolicyFactory, text: str, seeds: Sequence[int]
+    ) -> NDArray[np.float64]:
+        """Returns, shape (seeds,), of any policy; `name` and `text` tell which in the journal."""
+        key = f"{self.environment.id} {self.environment.arguments} {list(seeds)} {name} {text}"
+
+        def run(wanted: Sequence[PolicyFactory]) -> list[list[float]]:
+            return [
+                [
+                    float(r)
+                    for r in collect_returns(p, self.environment, seeds, self.workers, self.trust)
+                ]
+                for p in wanted
+            ]
+
+        (row,) = self.journal.each("evaluate", [policy], [key], run)
+        return np.array(row, dtype=np.float64)
+
     def keep(self, stage: str, candidate: Candidate) -> None:
         """Adds a program to those met."""
         self.met.append((stage, candidate))
+        self.record(stage, candidate)
 
     def progress(self, stage: str, done: int, total: int) -> None:
         best = max((c for _, c in self.met), key=lambda c: c.mean, default=None)

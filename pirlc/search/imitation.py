@@ -20,7 +20,7 @@ from pirlc.semantics.histories import HistorySet, histories_of, join
 from pirlc.simulation.policy import Ready
 from pirlc.simulation.rollout import Episode
 from pirlc.simulation.workers import collect_episodes, parallel_map
-from pirlc.tune import TuningProblem, Tuned, tune
+from pirlc.tune import TuningProblem, tune
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +39,7 @@ class Imitation:
             found.update(np.ascontiguousarray(self.histories.sensors[name]).tobytes())
         return found.hexdigest()
 
-    def tune(
-        self, search: Search, templates: Sequence[Neighbour], stage: str
-    ) -> list[Candidate]:
+    def tune(self, search: Search, templates: Sequence[Neighbour], stage: str) -> list[Candidate]:
         """Parameters for each template that bring it close to the oracle.
 
         Looks at a random sample of the histories, the same for all templates.

@@ -16,6 +16,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
 
+from pirlc.backend.files import not_writable
+
 Item = TypeVar("Item")
 
 
@@ -58,16 +60,20 @@ class Journal:
     def __init__(self, path: Path | None, budget: Budget) -> None:
         self.budget = budget
         self.used = 0
+        self.closing = False
         self._path = path
         self._known: dict[str, Any] = {}
         self._file = None
         if path is not None:
             self._known = dict(_read(path))
-            self._file = path.open("a", encoding="utf-8")
+            try:
+                self._file = path.open("a", encoding="utf-8")
+            except OSError as e:
+                raise not_writable(path, e) from None
 
     def allow_closing(self) -> None:
         """Lifts the budget, for the last few calls that turn what was found into a result."""
-        self.budget = Budget()
+        self.closing = True
 
     def close(self) -> None:
         if self._file is not None:
@@ -86,7 +92,7 @@ class Journal:
         counts as one call for each item, and is not begun if the budget is used up: then this
         raises `BudgetExhausted`.
         """
-        if not self.budget.allows(self.used):
+        if not self.closing and not self.budget.allows(self.used):
             raise BudgetExhausted
         names = [f"{kind}:{digest(key)}" for key in keys]
         missing = {n: i for n, i in zip(names, items, strict=True) if n not in self._known}
@@ -98,9 +104,12 @@ class Journal:
         return [self._known[name] for name in names]
 
     def _append(self, entry: dict[str, Any]) -> None:
-        if self._file is not None:
-            self._file.write(json.dumps(entry) + "\n")
-            self._file.flush()
+        if self._file is not None and self._path is not None:
+            try:
+                self._file.write(json.dumps(entry) + "\n")
+                self._file.flush()
+            except OSError as e:
+                raise not_writable(self._path, e) from None
 
 
 def digest(text: str) -> str:

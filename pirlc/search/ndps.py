@@ -13,8 +13,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 
 from pirlc.ir.expansion import Expansion, expand
-from pirlc.search.canonical import canonical_form
 from pirlc.search.candidate import Candidate, choose
+from pirlc.search.canonical import canonical_form
 from pirlc.search.context import Search
 from pirlc.search.neighbourhood import Neighbour, neighbourhood
 from pirlc.search.objective import Objective
@@ -35,8 +35,8 @@ def ndps(search: Search, objective: Objective, *, augment: bool) -> Candidate:
         tuned = objective.tune(search, pool, f"iteration {turn}")
         closest = sorted(tuned, key=lambda candidate: (candidate.loss, candidate.size))
         program = collect_reward(search, closest, f"iteration {turn}")
-        if not improves(program, best):
-            return best
+        if best.mean >= program.mean:
+            return choose([best, program])
     return program
 
 
@@ -80,12 +80,7 @@ def collect_reward(search: Search, programs: Sequence[Candidate], stage: str) ->
     simulated = search.simulate(few, "collect_reward", search.settings.episodes)
     for candidate in simulated:
         search.keep(stage, candidate)
-    return choose(simulated)
-
-
-def improves(program: Candidate, best: Candidate) -> bool:
-    """Whether the loop goes on: a higher return, or the same in fewer nodes."""
-    return program != best and choose([program, best]) is program
+    return max(simulated, key=lambda candidate: (candidate.mean, -candidate.size))
 
 
 def distinct(search: Search, expansions: Iterable[Expansion]) -> Iterator[Expansion]:

@@ -8,14 +8,19 @@ from typing import Protocol
 from pirlc.search.candidate import Candidate
 from pirlc.search.context import Search
 from pirlc.search.neighbourhood import Neighbour
+from pirlc.semantics.histories import HistorySet
 
 
 class Objective(Protocol):
-    """Finds parameters for templates; the smaller a candidate's loss the better."""
+    """Finds parameters for templates; the smaller a candidate's loss the better.
 
-    def tune(
-        self, search: Search, templates: Sequence[Neighbour], stage: str
-    ) -> list[Candidate]:
+    `histories` are those that it looks at.
+    """
+
+    @property
+    def histories(self) -> HistorySet: ...
+
+    def tune(self, search: Search, templates: Sequence[Neighbour], stage: str) -> list[Candidate]:
         """A candidate for each template, in order; tuning starts from the carried values."""
 
     def update_histories(self, search: Search, program: Candidate, turn: int) -> Objective:

@@ -57,8 +57,8 @@ def fingerprint(template: ProgramTemplate, histories: HistorySet) -> str:
     for signs in product((1.0, -1.0), repeat=len(groups)):
         flipped = {name: sign for group, sign in zip(groups, signs, strict=True) for name in group}
         digest = sha256()
-        rng = np.random.default_rng(1)
-        for _ in range(_DRAWS):
+        for draw_number in range(_DRAWS):
+            rng = np.random.default_rng(draw_number)
             values = {}
             for name in order:
                 lower, upper = bounds[name]

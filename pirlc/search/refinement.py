@@ -14,8 +14,8 @@ import numpy as np
 from cmaes import CMA
 from numpy.typing import NDArray
 
-from pirlc.search.canonical import canonical_form
 from pirlc.search.candidate import Candidate, choose
+from pirlc.search.canonical import canonical_form
 from pirlc.search.context import Search
 from pirlc.search.journal import BudgetExhausted
 from pirlc.semantics.histories import HistorySet
@@ -24,11 +24,18 @@ from pirlc.tune import natural_scales
 VALIDATION_EPISODES = 400
 """Episodes that the refined programs are compared on, which served for nothing before."""
 
-_STEP = 0.2
+_STEP = 0.3
 """CMA-ES's first step, in the natural scales of the parameters."""
 
-_EPISODES = 24
-"""Of each program of a generation."""
+_EPISODES = 10
+"""Of each program of a generation: few, for many noisy generations get further than few exact
+ones."""
+
+_HEATS = ((32, 40), (10, 160), (4, VALIDATION_EPISODES))
+"""How many of the best programs sampled go on to how many episodes at the end."""
+
+_PLATEAU = 2
+"""Generations without any difference in return after which there is nothing to climb."""
 
 
 def refine(search: Search, histories: HistorySet, programs: Sequence[Candidate]) -> Candidate:
@@ -38,19 +45,15 @@ def refine(search: Search, histories: HistorySet, programs: Sequence[Candidate])
     the last comparison, so that refinement makes nothing worse.
     """
     climbs = [_Climb(search, p, histories) for p in programs if p.values]
-    if not climbs:
-        return choose(search.simulate(programs, "validation", VALIDATION_EPISODES))
-    rounds = 1 + (len(climbs) - 1).bit_length()
+    rounds = 1 + max(0, len(climbs) - 1).bit_length()
     running = list(climbs)
     try:
-        for turn in range(rounds):
+        for turn in range(rounds if climbs else 0):
             share = search.settings.refine_episodes // rounds // len(running)
             for number, climb in enumerate(running):
-                search.progress(f"refine (round {turn + 1})", number, len(running))
+                search.progress(f"refine (round {turn + 1} of {rounds})", number, len(running))
                 climb.advance(search, share)
-            reached = search.simulate(
-                [c.reached for c in running], f"refine {turn}", VALIDATION_EPISODES // 2
-            )
+            reached = search.simulate([c.centre for c in running], f"refine {turn}", 160)
             for climb, candidate in zip(running, reached, strict=True):
                 search.keep("refine", candidate)
                 climb.score = candidate.mean
@@ -58,15 +61,24 @@ def refine(search: Search, histories: HistorySet, programs: Sequence[Candidate])
             running = running[: (len(running) + 1) // 2]
     except BudgetExhausted:
         search.journal.allow_closing()
-    finalists = [*programs, *(c.reached for c in climbs if c.generation)]
-    validated = search.simulate(finalists, "validation", VALIDATION_EPISODES)
-    for candidate in validated:
+    samples = sorted((s for c in climbs for s in c.samples), key=lambda s: -s.mean)
+    finalists = [*(c.centre for c in climbs if c.generation), *samples]
+    for kept, episodes in _HEATS:
+        heat = search.simulate(finalists[:kept], f"heat of {episodes}", episodes)
+        finalists = sorted(heat, key=lambda candidate: -candidate.mean)
+    best = programs[: _HEATS[-1][0]]
+    finalists += search.simulate(best, f"heat of {VALIDATION_EPISODES}", VALIDATION_EPISODES)
+    for candidate in finalists:
         search.keep("validate", candidate)
-    return choose(validated)
+    return choose(finalists)
 
 
 def promising(search: Search) -> list[Candidate]:
-    """The best by return of the programs met, one for each structure."""
+    """Programs met that are worth refining, one for each structure, the best by return first.
+
+    Those that no shorter program surpasses come before all others: a short program often lacks
+    nothing but better parameters.
+    """
     best: dict[str, Candidate] = {}
     for _, candidate in search.met:
         if candidate.returns is not None:
@@ -74,7 +86,10 @@ def promising(search: Search) -> list[Candidate]:
             if form not in best or candidate.mean > best[form].mean:
                 best[form] = candidate
     ranked = sorted(best.values(), key=lambda c: (-c.mean, c.size))
-    return ranked[: search.settings.refined]
+    front = [c for c in ranked if all(o.size > c.size for o in ranked if o.mean > c.mean)]
+    others = [c for c in ranked if c not in front]
+    chosen = [*front, *others][: search.settings.refined]
+    return sorted(chosen, key=lambda c: (-c.mean, c.size))
 
 
 class _Climb:
@@ -86,6 +101,8 @@ class _Climb:
         self.start = start
         self.generation = 0
         self.score = start.mean
+        self.samples: list[Candidate] = []
+        self._flat = 0
         self._names = [p.name for p in template.free]
         # CMA-ES wants at least two dimensions; a single parameter gets an idle companion.
         idle = np.ones(1 if len(self._names) == 1 else 0)
@@ -103,16 +120,15 @@ class _Climb:
         )
 
     @property
-    def reached(self) -> Candidate:
+    def centre(self) -> Candidate:
         """The program at the centre of the search distribution."""
-        values = self._values(np.asarray(self._optimizer.mean))
-        return Candidate(self.start.expansion, tuple(sorted(values.items())), self.start.loss)
+        return self._candidate(np.asarray(self._optimizer.mean))
 
     def advance(self, search: Search, episodes: int) -> None:
         """Goes on for as many generations as fit into this many episodes."""
         size = self._optimizer.population_size
         for _ in range(max(1, episodes // (size * _EPISODES))):
-            if self._optimizer.should_stop():
+            if self._optimizer.should_stop() or self._flat >= _PLATEAU:
                 return
             asked = [self._optimizer.ask() for _ in range(size)]
             seeds = search.seeds(f"generation {self.generation}", _EPISODES)
@@ -122,6 +138,13 @@ class _Climb:
             losses = -returns.mean(axis=1)
             self._optimizer.tell([(x, float(v)) for x, v in zip(asked, losses, strict=True)])
             self.generation += 1
+            self._flat = self._flat + 1 if np.ptp(losses) == 0.0 else 0
+            best = int(np.argmin(losses))
+            self.samples.append(self._candidate(asked[best]).with_returns(returns[best]))
+
+    def _candidate(self, x: NDArray[np.float64]) -> Candidate:
+        values = tuple(sorted(self._values(x).items()))
+        return Candidate(self.start.expansion, values, self.start.loss)
 
     def _values(self, x: NDArray[np.float64]) -> dict[str, float]:
         theta = np.clip(x * self._scales, self._lower, self._upper)

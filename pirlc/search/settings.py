@@ -30,19 +30,19 @@ class Settings:
     """
 
     seed: int = 0
-    largest: int = 45
+    largest: int = 60
     create_episodes: int = 24
     update_episodes: int = 12
     histories: int = 4000
-    pool: int = 96
+    pool: int = 160
     neighbours: int = 32
     growth: int = 14
     per_move: int = 12
     iterations: int = 4
     simulated: int = 12
     episodes: int = 100
-    refined: int = 6
-    refine_episodes: int = 60_000
+    refined: int = 4
+    refine_episodes: int = 40_000
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""How large a step in each parameter is: one that moves a guard or an action by a typical amount."""
+"""How large a step in a parameter should be: one that moves a guard or an action noticeably."""
 
 from __future__ import annotations
 

@@ -7,12 +7,14 @@ coordinates in which a unit of any parameter moves a guard (or an action) by a t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pirlc.ir.policy import ProgramTemplate
+from pirlc.semantics.histories import HistorySet
 from pirlc.symbolic.smooth import SmoothedObjective
 from pirlc.tune.problem import TuningProblem
 
@@ -90,3 +92,22 @@ def _random(
                 if unit:
                     theta[j] -= float(rng.choice(margins[guard])) / unit
     return np.clip(theta, problem.lower, problem.upper)
+
+
+def random_starts(
+    template: ProgramTemplate,
+    histories: HistorySet,
+    known: Mapping[str, float],
+    count: int,
+    seed: int,
+) -> list[dict[str, float]]:
+    """Values for the free parameters at which the guards tell the histories apart.
+
+    The first takes over what is `known`. For searches that have no oracle to come close to.
+    """
+    labels = np.zeros((len(histories), len(template.bodies)))
+    problem = TuningProblem(template, histories, labels, known)
+    objective = SmoothedObjective(template, histories, labels)
+    frame = coordinates(problem, objective)
+    found = starts(problem, objective, frame, np.random.default_rng(seed), count)
+    return [dict(zip(problem.names, theta.tolist(), strict=True)) for theta in found]

@@ -1,0 +1,200 @@
+"""From a sketch to files: the calls of a synthesis, readable as the table of contents.
+
+SourceText -parse-> Sketch -search-> Program -lower, render-> files
+                               |
+              oracle, environment                      everything -> manifest, plot
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TextIO
+
+from pirlc.backend.emit import emit
+from pirlc.backend.files import not_writable, write, write_text
+from pirlc.backend.policies import c_controller, python_controller
+from pirlc.backend.toolchain import find_compiler
+from pirlc.diagnostics import Diagnostic, PirlcError, Severity
+from pirlc.frontend import check
+from pirlc.ir.policy import Environment, Program, Sketch
+from pirlc.ir.printer import program_text
+from pirlc.oracle.load import LoadedOracle, load
+from pirlc.oracle.train import Progress as TrainingProgress
+from pirlc.oracle.train import plan as plan_training
+from pirlc.oracle.train import train_or_load
+from pirlc.report.manifest import asked_of, provenance, results_of
+from pirlc.report.plots import plot_search
+from pirlc.report.problems import NoSimulator, NothingFound, NothingSoSmall, Problem, error
+from pirlc.report.request import SynthesisRequest
+from pirlc.report.run import Run, open_run
+from pirlc.search.candidate import Candidate, as_entry
+from pirlc.search.context import FIRST_EVALUATION_SEED, Search
+from pirlc.search.journal import Budget, Journal
+from pirlc.search.settings import Tell
+from pirlc.search.synthesis import Ending, Found, find_program
+from pirlc.semantics.policies import InterpretedPolicy
+from pirlc.simulation.environments import EnvironmentFacts, check_interface, facts
+from pirlc.simulation.policy import PolicyFactory, Ready
+from pirlc.simulation.rollout import ReturnEstimate, estimate
+
+
+@dataclass(frozen=True)
+class SynthesisResult:
+    """A program with the evidence for it.
+
+    `returns` are over the same unseen episodes: of the `program`, of the `emitted C`, of the
+    `oracle`, and of Algorithm 1's own result `without refinement`; empty if interrupted.
+    """
+
+    program: Program
+    program_file: Path
+    files: tuple[Path, ...]
+    returns: Mapping[str, ReturnEstimate]
+    ending: Ending
+    search_seconds: float
+    warnings: tuple[Diagnostic, ...]
+
+
+def synthesize(
+    request: SynthesisRequest, tell: Tell, tell_training: Callable[[TrainingProgress], None]
+) -> SynthesisResult:
+    """The whole of `pirlc synth`. Raises PirlcError for whatever is wrong with the input."""
+    sketch, warnings = check(request.source)
+    environment, known = _environment(sketch, request)
+    misfits = check_interface(sketch.interface, known, request.source)
+    if any(found.severity is Severity.ERROR for found in misfits):
+        raise PirlcError(misfits)
+    find_compiler()  # A missing one is told before the search, not after it.
+    run = open_run(request.folder, asked_of(request))
+    write_text(run.folder / "sketch.pirl", request.source.text)
+    oracle = _oracle(request, environment, known, tell_training)
+    with _journal(request, run) as journal, _open(run.candidates, "w") as candidates:
+        search = _prepare(request, sketch, environment, journal, candidates, tell)
+        found = find_program(search, oracle.oracle if oracle else None, request.plan)
+        seconds = journal.budget.elapsed
+        if found is None:
+            raise error(_nothing(search))
+        program = found.program.program
+        text = program_text(program, provenance(request, oracle, found))
+        program_file = write_text(run.folder / f"{sketch.interface.name}.pirl", text)
+        files = _emit(program, run)
+        returns, ending = _evaluate(request, run, search, found, oracle)
+    plot = run.folder / "search.png"
+    plot_search(search.met, program.size, returns.get("program"), returns.get("oracle"), plot)
+    run.write_manifest(results_of(found, ending, search, oracle, returns, seconds))
+    warned = (*warnings, *misfits)
+    return SynthesisResult(program, program_file, (*files, plot), returns, ending, seconds, warned)
+
+
+def _environment(sketch: Sketch, request: SynthesisRequest) -> tuple[Environment, EnvironmentFacts]:
+    environment = sketch.interface.environment
+    if environment is None:
+        raise error(NoSimulator(request.source.name))
+    return environment, facts(environment, request.trust)
+
+
+def _oracle(
+    request: SynthesisRequest,
+    environment: Environment,
+    known: EnvironmentFacts,
+    tell: Callable[[TrainingProgress], None],
+) -> LoadedOracle | None:
+    wish = request.oracle
+    if wish is None:
+        return None
+    if wish.origin is not None:
+        return load(wish.origin, environment, known, trust=request.trust)
+    training = plan_training(
+        environment,
+        known,
+        algorithm=wish.algorithm,
+        seed=request.settings.seed if wish.seed is None else wish.seed,
+        overrides=wish.overrides,
+    )
+    stored = train_or_load(training, request.cache / "oracles", tell, trust=request.trust)
+    return LoadedOracle(stored.oracle, stored.manifest, "trained")
+
+
+def _journal(request: SynthesisRequest, run: Run) -> closing[Journal]:
+    return closing(Journal(run.journal, Budget(request.calls, request.seconds)))
+
+
+def _open(path: Path, mode: str) -> TextIO:
+    try:
+        return path.open(mode, encoding="utf-8")  # type: ignore[return-value]
+    except OSError as e:
+        raise not_writable(path, e) from None
+
+
+def _prepare(
+    request: SynthesisRequest,
+    sketch: Sketch,
+    environment: Environment,
+    journal: Journal,
+    candidates: TextIO,
+    tell: Tell,
+) -> Search:
+    def record(stage: str, candidate: Candidate) -> None:
+        try:
+            candidates.write(json.dumps(as_entry(candidate, stage)) + "\n")
+            candidates.flush()
+        except OSError as e:
+            raise not_writable(Path(candidates.name), e) from None
+
+    return Search(
+        sketch,
+        environment,
+        request.settings,
+        journal,
+        request.workers,
+        tell,
+        record,
+        request.trust,
+    )
+
+
+def _nothing(search: Search) -> Problem:
+    largest = search.settings.largest
+    if not any(search.enumeration.count(total) for total in range(1, largest + 1)):
+        return NothingSoSmall(largest)
+    return NothingFound("it was interrupted or its budget was used up")
+
+
+def _emit(program: Program, run: Run) -> tuple[Path, ...]:
+    return tuple(
+        path
+        for target in ("c", "python")
+        for path in write(emit(program, (target,)), run.folder / target)
+    )
+
+
+def _evaluate(
+    request: SynthesisRequest, run: Run, search: Search, found: Found, oracle: LoadedOracle | None
+) -> tuple[dict[str, ReturnEstimate], Ending]:
+    """Returns over episodes that the search never saw; an interrupted search gets none."""
+    if found.ending is Ending.INTERRUPTED:
+        return {}, found.ending
+    program = found.program.program
+    subjects: dict[str, PolicyFactory] = {
+        "program": partial(InterpretedPolicy, program),
+        "emitted C": c_controller(program, run.folder / "c" / "build"),
+    }
+    if oracle is not None:
+        subjects["oracle"] = Ready(oracle.oracle)
+    if found.imitated is not None and request.plan.refine:
+        subjects["without refinement"] = python_controller(found.imitated.program)
+    seeds = range(FIRST_EVALUATION_SEED, FIRST_EVALUATION_SEED + request.episodes)
+    returns: dict[str, ReturnEstimate] = {}
+    search.journal.closing = True
+    try:
+        for number, (name, subject) in enumerate(subjects.items()):
+            search.progress(f"evaluate ({name})", number, len(subjects))
+            returns[name] = estimate(search.evaluate(name, subject, program_text(program), seeds))
+    except KeyboardInterrupt:
+        return returns, Ending.INTERRUPTED
+    return returns, found.ending

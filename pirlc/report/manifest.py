@@ -1,0 +1,96 @@
+"""The manifest of a run: what suffices to repeat it, and what came out."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict
+from hashlib import sha256
+from importlib.metadata import version
+from typing import Any
+
+import pirlc
+from pirlc.ir.printer import program_text
+from pirlc.oracle.load import LoadedOracle
+from pirlc.oracle.manifest import to_json
+from pirlc.report.request import SynthesisRequest
+from pirlc.search.candidate import as_entry
+from pirlc.search.context import FIRST_EVALUATION_SEED, Search
+from pirlc.search.synthesis import Ending, Found
+from pirlc.simulation.rollout import ReturnEstimate
+
+_LIBRARIES = ("casadi", "cmaes", "gymnasium", "numpy", "scipy", "stable_baselines3", "torch")
+
+
+def asked_of(request: SynthesisRequest) -> dict[str, Any]:
+    """What a run is a run of. The same request resumes it; where results go plays no part.
+
+    Neither do the number of processes, which no result depends on, nor the bounds on calls and
+    time, so that a run which they cut short can be resumed with larger ones.
+    """
+    return {
+        "sketch": sha256(request.source.text.encode()).hexdigest(),
+        "oracle": None if request.oracle is None else asdict(request.oracle),
+        "settings": asdict(request.settings),
+        "plan": asdict(request.plan),
+        "episodes": request.episodes,
+    }
+
+
+def versions() -> dict[str, str]:
+    """Of everything that a result depends on."""
+    return {"pirlc": pirlc.__version__, "python": platform.python_version()} | {
+        name: version(name) for name in _LIBRARIES
+    }
+
+
+def provenance(
+    request: SynthesisRequest, oracle: LoadedOracle | None, found: Found
+) -> tuple[str, ...]:
+    """The comment at the head of a synthesised program."""
+    if oracle is None:
+        by = "by return alone"
+    elif oracle.manifest is None:
+        by = "to imitate a given oracle"
+    else:
+        by = f"to imitate {oracle.manifest.algorithm} (weights {oracle.manifest.sha256[:12]})"
+    digest = sha256(request.source.text.encode()).hexdigest()
+    return (
+        f"Synthesised by pirlc {pirlc.__version__} {by}, seed {request.settings.seed}.",
+        f"{found.program.size} nodes. Sketch (SHA-256): {digest}",
+        "The numbers may be changed here or overridden in emitted code.",
+    )
+
+
+def results_of(
+    found: Found,
+    ending: Ending,
+    search: Search,
+    oracle: LoadedOracle | None,
+    returns: Mapping[str, ReturnEstimate],
+    seconds: float,
+) -> dict[str, Any]:
+    """The part of the manifest that is known at the end.
+
+    `calls` repeats a search that was stopped by time: given as the budget, it stops at the same
+    place.
+    """
+    text = program_text(found.program.program)
+    return {
+        "state": ending.value,
+        "versions": versions(),
+        "calls": search.journal.used,
+        "search_seconds": round(seconds, 1),
+        "oracle": to_json(oracle.manifest) if oracle and oracle.manifest else None,
+        "program": {
+            "size": found.program.size,
+            "sha256": sha256(text.encode()).hexdigest(),
+            "text": text,
+            **{k: v for k, v in as_entry(found.program, "result").items() if k != "size"},
+        },
+        "imitated": found.imitated and as_entry(found.imitated, "Algorithm 1"),
+        "evaluation": {
+            "first_seed": FIRST_EVALUATION_SEED,
+            "returns": {name: asdict(estimate) for name, estimate in returns.items()},
+        },
+    }

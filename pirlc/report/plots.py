@@ -1,0 +1,55 @@
+"""Plots of a run."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+from pirlc.backend.files import write_bytes
+from pirlc.search.context import Record
+from pirlc.simulation.rollout import ReturnEstimate
+
+_STAGES = (
+    ("initialize", "initialize", "o", "#4c72b0"),
+    ("iteration", "Algorithm 1's loop", "s", "#55a868"),
+    ("refine", "refined on return", "^", "#dd8452"),
+    ("validate", "finalists", "D", "#c44e52"),
+)
+
+
+def plot_search(
+    met: Record, size: int, program: ReturnEstimate | None, oracle: ReturnEstimate | None, to: Path
+) -> Path:
+    """Return against size of every simulated program, with the result's and the oracle's."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.5, 4.5), layout="constrained")
+    axes = figure.add_subplot()
+    for prefix, label, marker, color in _STAGES:
+        points = [(c.size, c.mean) for stage, c in met if stage.startswith(prefix) and c.returns]
+        if points:
+            sizes, means = zip(*points, strict=True)
+            axes.scatter(sizes, means, s=22, label=label, marker=marker, color=color, alpha=0.6)
+    if program is not None:
+        axes.errorbar(
+            [size],
+            [program.mean],
+            [[program.mean - program.low], [program.high - program.mean]],
+            fmt="*",
+            color="black",
+            markersize=13,
+            capsize=4,
+            label=f"program: {program.mean:.2f}",
+        )
+    if oracle is not None:
+        axes.axhline(oracle.mean, color="grey", linestyle="--", label=f"oracle: {oracle.mean:.2f}")
+    axes.set_xlabel("size (nodes)")
+    axes.set_ylabel("mean return")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize="small")
+    FigureCanvasAgg(figure)
+    image = io.BytesIO()
+    # No date in the file: the same run gives the same bytes.
+    figure.savefig(image, format="png", dpi=130, metadata={"Software": None})
+    return write_bytes(to, image.getvalue())

@@ -1,0 +1,105 @@
+"""The mistakes about run folders and what a search is asked for (codes E0721 to E0726)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import assert_never
+
+from pirlc.diagnostics import Diagnostic, PirlcError
+
+
+@dataclass(frozen=True)
+class NoSimulator:
+    """A sketch that names no environment cannot be searched for by simulation."""
+
+    sketch: str
+
+
+@dataclass(frozen=True)
+class ForeignFolder:
+    """The output folder holds files, but no run of pirlc."""
+
+    folder: str
+    found: str
+
+
+@dataclass(frozen=True)
+class OtherRun:
+    """The output folder belongs to a run that was asked for something else; `differs` names it."""
+
+    folder: str
+    differs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class DamagedRun:
+    """The manifest of the output folder cannot be read."""
+
+    folder: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class NothingFound:
+    """A search ended before it had met any program."""
+
+    why: str
+
+
+@dataclass(frozen=True)
+class NothingSoSmall:
+    """The sketch allows no program of the size that was asked for."""
+
+    largest: int
+
+
+Problem = NoSimulator | ForeignFolder | OtherRun | DamagedRun | NothingFound | NothingSoSmall
+
+
+def error(problem: Problem) -> PirlcError:
+    return PirlcError(describe(problem))
+
+
+def describe(problem: Problem) -> Diagnostic:
+    match problem:
+        case NoSimulator(sketch):
+            return Diagnostic(
+                "E0721",
+                f"`{sketch}` names no environment to simulate in",
+                help='add a line such as `environment "CartPole-v1"` to the sketch',
+            )
+        case ForeignFolder(folder, found):
+            return Diagnostic(
+                "E0722",
+                f"the output folder `{folder}` is not empty and holds no run of pirlc",
+                notes=(f"it contains `{found}`",),
+                help="name another folder with `-o`; nothing was changed",
+            )
+        case OtherRun(folder, differs):
+            return Diagnostic(
+                "E0723",
+                f"the output folder `{folder}` belongs to another run",
+                notes=tuple(f"differs in: {name}" for name in differs),
+                help="repeat that run's command to resume it, or name another folder with `-o`",
+            )
+        case DamagedRun(folder, reason):
+            return Diagnostic(
+                "E0724",
+                f"the manifest of the run in `{folder}` cannot be read: {reason}",
+                help="name another folder with `-o`; the journal in this one was left as it is",
+            )
+        case NothingFound(why):
+            return Diagnostic(
+                "E0725",
+                f"the search ended before it had a program: {why}",
+                help="the same command goes on from here; `--time` or `--budget` may be too small",
+            )
+        case NothingSoSmall(largest):
+            return Diagnostic(
+                "E0726",
+                f"the sketch allows no program of at most {largest} nodes",
+                help="`pirlc check --size N` lists how many there are of each size; "
+                "raise `--max-size`",
+            )
+        case _:
+            assert_never(problem)

@@ -1,0 +1,43 @@
+"""What a synthesis is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pirlc.oracle.manifest import Json
+from pirlc.search.settings import Settings
+from pirlc.search.synthesis import Plan
+from pirlc.source import SourceText
+
+
+@dataclass(frozen=True)
+class OracleRequest:
+    """Where the oracle comes from: `origin` (a path or ``module:function``), or training."""
+
+    origin: str | None = None
+    algorithm: str | None = None
+    seed: int | None = None
+    overrides: Mapping[str, Json] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SynthesisRequest:
+    """What `pirlc synth` was asked for.
+
+    `oracle` None searches by return alone. `calls` and `seconds` bound the search. `episodes` are
+    those of the evaluation at the end; `cache` is where trained oracles are kept.
+    """
+
+    source: SourceText
+    folder: Path
+    cache: Path
+    oracle: OracleRequest | None = field(default_factory=OracleRequest)
+    settings: Settings = field(default_factory=Settings)
+    plan: Plan = field(default_factory=Plan)
+    calls: int | None = None
+    seconds: float | None = None
+    episodes: int = 1000
+    workers: int = 2
+    trust: bool = False

@@ -1,0 +1,58 @@
+"""Constants with the fewest digits that keep the return."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pirlc.search.candidate import Candidate
+from pirlc.search.context import Search
+
+EPISODES = 300
+
+_LOSS = 0.002
+"""How much of the mean return, relative to its size, rounding may cost."""
+
+_DIGITS = (1, 2, 3, 4, 6, 9)
+
+
+def round_constants(search: Search, program: Candidate) -> Candidate:
+    """The program with its parameters rounded to as few significant digits as keep its return.
+
+    First all to the same number of digits; then each to one digit less, where that costs nothing
+    either. Compared on episodes of its own; the returns of the result are those.
+    """
+    if not program.values:
+        return program
+    search.progress("round constants", 0, 1)
+    exact = dict(program.values)
+    choices = [{n: _rounded(program, n, v, d) for n, v in exact.items()} for d in _DIGITS]
+    ladder = [*choices, exact]
+    means = _means(search, program, ladder)
+    enough = means[-1] - _LOSS * abs(means[-1])
+    best = next(i for i, mean in enumerate(means) if mean >= enough)
+    chosen = ladder[best]
+    if 0 < best < len(choices):
+        shorter = choices[best - 1]
+        single = [{**chosen, name: shorter[name]} for name in chosen]
+        harmless = [
+            name
+            for name, mean in zip(chosen, _means(search, program, single), strict=True)
+            if mean >= enough
+        ]
+        together = {**chosen, **{name: shorter[name] for name in harmless}}
+        if _means(search, program, [together])[0] >= enough:
+            chosen = together
+    return replace(program, values=tuple(sorted(chosen.items())), returns=None)
+
+
+def _means(search: Search, program: Candidate, values: list[dict[str, float]]) -> list[float]:
+    seeds = search.seeds("round", EPISODES)
+    returns = search.returns(program.expansion.template, values, seeds)
+    return [float(mean) for mean in np.mean(returns, axis=1)]
+
+
+def _rounded(program: Candidate, name: str, value: float, digits: int) -> float:
+    parameter = next(p for p in program.expansion.template.free if p.name == name)
+    return min(max(float(f"{value:.{digits}g}"), parameter.lower), parameter.upper)
