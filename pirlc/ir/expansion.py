@@ -98,10 +98,11 @@ def expand(sketch: Sketch, derivations: tuple[Derivation, ...]) -> Expansion:
     kept = tuple(
         p for p in sketch.parameters if not isinstance(p, FreeParameter) or p.name in mentioned
     )
-    template = ProgramTemplate(
-        sketch.interface, kept + tuple(names.parameters), tuple(bodies), sketch.properties
-    )
-    return Expansion(template, derivations, tuple(names.origins))
+    # Holes in an argument that its rule does not use are gone from the bodies.
+    found = tuple(p for p in names.parameters if p.name in mentioned)
+    template = ProgramTemplate(sketch.interface, kept + found, tuple(bodies), sketch.properties)
+    origins = tuple((name, origin) for name, origin in names.origins if name in mentioned)
+    return Expansion(template, derivations, origins)
 
 
 def only_derivation(sketch: Sketch) -> tuple[Derivation, ...] | None:
@@ -134,8 +135,15 @@ def close(sketch: Sketch) -> Program | None:
     return None if template.free else template.close({})
 
 
+NAME_LIMIT = 64
+"""The most characters of a name that the language reads back."""
+
+
 class _Names:
-    """Hands out names that are unique in the policy, in the order of first use."""
+    """Hands out names that are unique in the policy, in the order of first use.
+
+    They also keep clear of the local names of properties, which may not hide a parameter.
+    """
 
     def __init__(self, sketch: Sketch) -> None:
         interface = sketch.interface
@@ -151,6 +159,7 @@ class _Names:
             *(a.name for a in interface.actions),
             *(p.name for p in sketch.parameters),
             *(r.name for r in sketch.rules),
+            *(name for p in sketch.properties for name in _bound(p.body)),
         }
 
     def start_action(self, name: str) -> None:
@@ -166,7 +175,10 @@ class _Names:
     def parameter(self, hole: Hole, path: tuple[int, ...]) -> str:
         key = (path, hole.name)
         if key not in self._holes:
-            name = _unused(f"{self._action}_{hole.name}", self._global | self._all_locals)
+            # Of a long name the hole's part says more than the action's.
+            action = self._action[: max(1, NAME_LIMIT - 1 - len(hole.name))]
+            wish = f"{action}_{hole.name}"[:NAME_LIMIT]
+            name = _unused(wish, self._global | self._all_locals)
             self._global.add(name)
             self._holes[key] = name
             self.parameters.append(FreeParameter(name, hole.lower, hole.upper, hole.guess))
@@ -178,9 +190,27 @@ def _unused(wish: str, taken: set[str]) -> str:
     if wish not in taken:
         return wish
     number = 2
-    while f"{wish}_{number}" in taken:
+    while (name := _numbered(wish, number)) in taken:
         number += 1
-    return f"{wish}_{number}"
+    return name
+
+
+def _numbered(wish: str, number: int) -> str:
+    suffix = f"_{number}"
+    return wish[: NAME_LIMIT - len(suffix)] + suffix
+
+
+def _bound(term: Term) -> Iterator[str]:
+    """The local names that a term binds."""
+    for sub in subterms(term):
+        match sub:
+            case Let(name):
+                yield name
+            case FoldLambda(element, accumulator):
+                yield element
+                yield accumulator
+            case _:
+                pass
 
 
 @dataclass(frozen=True)
