@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import click
 
 import pirlc
-from pirlc.cli import check, emit, explain, fmt, oracle, rollout
+from pirlc.cli import check, emit, explain, fmt, oracle, rollout, synth
 from pirlc.cli.guard import guarded
 from pirlc.cli.session import Session
 
@@ -35,6 +35,7 @@ for _command in (
     check.command,
     fmt.command,
     explain.command,
+    synth.command,
     emit.command,
     rollout.command,
     oracle.group,

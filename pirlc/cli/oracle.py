@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import click
 
 from pirlc.cli.session import Session, json_option, pass_session
+from pirlc.cli.settings import settings_option
 
 
 @click.group("oracle")
 def group() -> None:
     """Train oracles, and list those that there are."""
-
-
-def _settings(_: click.Context, __: click.Parameter, entries: tuple[str, ...]) -> dict[str, Any]:
-    """``key=value`` pairs; a value is JSON where it can be read as such, else a string."""
-    found: dict[str, Any] = {}
-    for entry in entries:
-        name, equals, value = entry.partition("=")
-        if not equals or not name.isidentifier():
-            raise click.BadParameter(f"write key=value, such as learning_rate=0.001; not {entry!r}")
-        try:
-            found[name] = json.loads(value)
-        except ValueError:
-            found[name] = value
-    return found
 
 
 @group.command(
@@ -37,10 +23,7 @@ def _settings(_: click.Context, __: click.Parameter, entries: tuple[str, ...]) -
 @click.option("--algorithm", metavar="NAME", help="ppo, dqn, duel-ddqn, td3, sac or ddpg.")
 @click.option("--steps", type=click.IntRange(1), help="Environment steps of an attempt, at most.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
-@click.option(
-    "--set", "settings", multiple=True, metavar="KEY=VALUE", callback=_settings,
-    help="Another setting of the training or of its algorithm; may be repeated.",
-)  # fmt: skip
+@settings_option
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path),
     help="The folder to save the oracle in (default: pirlc's cache).",

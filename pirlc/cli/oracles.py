@@ -75,17 +75,19 @@ def _report(show: Callable[[float, str], None] | None) -> Report | None:
     if show is None:
         return None
 
-    def report(progress: Progress) -> None:
-        words = [f"{progress.steps:,} steps"]
-        if progress.attempt > 1:
-            words.append(f"attempt {progress.attempt}")
-        if progress.recent is not None:
-            words.append(f"exploring {number(progress.recent)}")
-        if progress.best is not None:
-            words.append(f"best {number(progress.best)}")
-        show(progress.fraction, ", ".join(words))
+    return lambda progress: show(progress.fraction, training_words(progress))
 
-    return report
+
+def training_words(progress: Progress) -> str:
+    """How far a training is."""
+    words = [f"{progress.steps:,} steps"]
+    if progress.attempt > 1:
+        words.append(f"attempt {progress.attempt}")
+    if progress.recent is not None:
+        words.append(f"exploring {number(progress.recent)}")
+    if progress.best is not None:
+        words.append(f"best {number(progress.best)}")
+    return ", ".join(words)
 
 
 def _in_words(stored: StoredOracle) -> str:

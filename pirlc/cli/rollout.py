@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 from pathlib import Path
 from typing import Literal
 
 import click
 
+from pirlc.cli.machine import cores
 from pirlc.cli.session import Session, json_option, pass_session
 
 _WORTH_PROCESSES = 100
@@ -81,7 +81,7 @@ def command(
     from pirlc.cli.subjects import Request, find_subject
 
     if workers is None:
-        workers = _cores() if episodes >= _WORTH_PROCESSES else 1
+        workers = cores() if episodes >= _WORTH_PROCESSES else 1
     with tempfile.TemporaryDirectory(prefix="pirlc-") as built:
         request = Request(policy, form, sketch, real, trust, Path(built))
         subject = find_subject(session, request)
@@ -89,9 +89,3 @@ def command(
         tally = measure.measure(subject, seeds, workers, trust)
     session.say(measure.in_words(subject, tally, seeds))
     session.finish(measure.as_data(subject, tally, seeds))
-
-
-def _cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

@@ -1,0 +1,70 @@
+"""`pirlc synth`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pirlc.cli.guard import INTERRUPTED
+from pirlc.cli.machine import cores
+from pirlc.cli.session import Session, json_option, pass_session
+from pirlc.cli.settings import settings_option
+
+
+@click.command("synth", epilog="Example: pirlc synth examples/cartpole.pirl -o runs/cartpole")
+@click.argument("sketch")
+@click.option(
+    "-o", "--output", "folder", required=True, type=click.Path(path_type=Path),
+    help="The folder of this run. If it was interrupted, the same command resumes it.",
+)  # fmt: skip
+@click.option(
+    "--oracle", "origin", metavar="PATH",
+    help="An oracle to use instead of training one: a folder, an ONNX file, ...",
+)  # fmt: skip
+@click.option("--no-oracle", is_flag=True, help="Search by simulated return alone.")
+@click.option("--algorithm", metavar="NAME", help="Train the oracle with this algorithm.")
+@click.option("--oracle-steps", type=click.IntRange(1), help="Train for this many steps at most.")
+@click.option("--oracle-seed", type=click.IntRange(0), help="Of the training (default: --seed).")
+@settings_option
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Of everything random."
+)
+@click.option(
+    "--time", "seconds", type=click.FloatRange(0, min_open=True),
+    help="Stop the search after this many seconds.",
+)  # fmt: skip
+@click.option(
+    "--budget", "calls", type=click.IntRange(1),
+    help="Stop the search after this many tunings and simulations.",
+)  # fmt: skip
+@click.option("--max-size", type=click.IntRange(1, 1000), help="Nodes of a program, at most.")
+@click.option(
+    "--episodes", type=click.IntRange(1), default=1000, show_default=True,
+    help="Unseen episodes for the evaluation at the end.",
+)  # fmt: skip
+@click.option(
+    "--workers", type=click.IntRange(1, 1024), help="Processes to use (default: one a core)."
+)
+@click.option("--no-augment", is_flag=True, help="Tune on the oracle's own histories alone.")
+@click.option("--no-refine", is_flag=True, help="Leave out the refinement on simulated return.")
+@click.option("--trust", is_flag=True, help="Let environments and oracles run their own code.")
+@json_option
+@pass_session
+def command(session: Session, /, sketch: str, workers: int | None, **options: Any) -> int:
+    """Find a program for SKETCH, and write it with C, Python and the evidence under DIR.
+
+    An oracle is trained (or found in the cache), programs are searched that imitate it, and the
+    best is refined and evaluated. Ctrl-C ends the search with the best program so far.
+    """
+    from pirlc.cli.synthesis import Wish, synthesize_for
+
+    wish = Wish(sketch=sketch, workers=workers or cores(), **options)
+    training = (wish.algorithm, wish.oracle_steps, wish.oracle_seed, wish.settings or None)
+    if (wish.origin or wish.no_oracle) and any(choice is not None for choice in training):
+        raise click.UsageError("options of the training make no sense without a training.")
+    if wish.origin and wish.no_oracle:
+        raise click.UsageError("--oracle and --no-oracle exclude each other.")
+    interrupted = synthesize_for(session, wish)
+    return INTERRUPTED if interrupted else 0

@@ -1,0 +1,124 @@
+"""A synthesis asked for, watched and told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pirlc.cli.display import watching
+from pirlc.cli.files import read_source
+from pirlc.cli.measure import estimate_data, interval, number
+from pirlc.cli.session import Session
+from pirlc.ir.printer import program_text
+from pirlc.oracle.manifest import Json
+from pirlc.oracle.store import default_cache
+from pirlc.pipeline import SynthesisResult, synthesize
+from pirlc.report.request import OracleRequest, SynthesisRequest
+from pirlc.search.settings import Settings
+from pirlc.search.synthesis import Ending, Plan
+
+
+@dataclass(frozen=True)
+class Wish:
+    """The options of `pirlc synth`."""
+
+    sketch: str
+    folder: Path
+    origin: str | None
+    no_oracle: bool
+    algorithm: str | None
+    oracle_steps: int | None
+    oracle_seed: int | None
+    settings: Mapping[str, Json]
+    seed: int
+    seconds: float | None
+    calls: int | None
+    max_size: int | None
+    episodes: int
+    workers: int
+    no_augment: bool
+    no_refine: bool
+    trust: bool
+
+
+def synthesize_for(session: Session, wish: Wish) -> bool:
+    """Run the synthesis and tell its result; whether it was interrupted."""
+    request = _request(wish)
+    with watching() as watcher:
+        result = synthesize(request, watcher.search, watcher.training)
+    session.tell(result.warnings)
+    session.say(_in_words(result, wish.folder))
+    session.finish(_as_data(result, wish.folder))
+    return result.ending is Ending.INTERRUPTED
+
+
+def _request(wish: Wish) -> SynthesisRequest:
+    settings = Settings(seed=wish.seed)
+    if wish.max_size is not None:
+        settings = replace(settings, largest=wish.max_size)
+    steps = {} if wish.oracle_steps is None else {"steps": wish.oracle_steps}
+    oracle = OracleRequest(
+        wish.origin, wish.algorithm, wish.oracle_seed, {**wish.settings, **steps}
+    )
+    return SynthesisRequest(
+        source=read_source(wish.sketch),
+        folder=wish.folder,
+        cache=default_cache().parent,
+        oracle=None if wish.no_oracle else oracle,
+        settings=settings,
+        plan=Plan(augment=not wish.no_augment, refine=not wish.no_refine),
+        calls=wish.calls,
+        seconds=wish.seconds,
+        episodes=wish.episodes,
+        workers=wish.workers,
+        trust=wish.trust,
+    )
+
+
+_ENDINGS = {
+    Ending.FINISHED: "",
+    Ending.BUDGET: " (the budget was used up)",
+    Ending.INTERRUPTED: " (interrupted; the same command goes on from here)",
+}
+
+
+def _in_words(result: SynthesisResult, folder: Path) -> str:
+    program = result.program
+    lines = [
+        f"a program of {program.size} nodes, after {result.search_seconds:.0f} s of search"
+        f"{_ENDINGS[result.ending]}",
+        "",
+        program_text(program).rstrip("\n"),
+        "",
+    ]
+    if result.returns:
+        episodes = next(iter(result.returns.values())).episodes
+        lines.append(f"return over {episodes:,} unseen episodes")
+        width = max(map(len, result.returns))
+        means = {name: number(found.mean) for name, found in result.returns.items()}
+        wide = max(map(len, means.values()))
+        for name, found in result.returns.items():
+            shown = means[name].rjust(wide)
+            lines.append(f"  {name.ljust(width)}   {shown}   {interval(found)}")
+        lines.append("")
+    lines.append(f"in {folder}")
+    lines += [f"  {_under(path, folder)}" for path in (result.program_file, *result.files)]
+    return "\n".join(lines)
+
+
+def _under(path: Path, folder: Path) -> Path:
+    return path.relative_to(folder) if path.is_relative_to(folder) else path
+
+
+def _as_data(result: SynthesisResult, folder: Path) -> dict[str, object]:
+    return {
+        "ending": result.ending.value,
+        "interrupted": result.ending is Ending.INTERRUPTED,
+        "search_seconds": round(result.search_seconds, 1),
+        "program": program_text(result.program),
+        "size": result.program.size,
+        "returns": {name: estimate_data(found) for name, found in result.returns.items()},
+        "folder": str(folder),
+        "files": [str(path) for path in (result.program_file, *result.files)],
+    }
