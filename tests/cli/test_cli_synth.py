@@ -1,0 +1,188 @@
+"""`pirlc synth` from end to end, on an environment whose episodes are short."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from tests.support.command_line import ROOT
+
+ENVIRONMENT = '''
+"""A point on a line, pushed by the action; the nearer to 0 it stays, the better."""
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+
+
+class Point(gym.Env):
+    observation_space = spaces.Box(-2.0, 2.0, (2,))
+    action_space = spaces.Box(-1.0, 1.0, (1,))
+
+    def __init__(self, fault=""):
+        self.fault = fault
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.place, self.speed = self.np_random.uniform(-1, 1), 0.0
+        return self._seen(), {}
+
+    def step(self, action):
+        self.speed += 0.3 * float(action[0])
+        self.place += 0.3 * self.speed
+        if self.fault == "raises":
+            raise RuntimeError("the belt slipped")
+        reward = float("nan") if self.fault == "nan" else -abs(self.place)
+        return self._seen(), reward, False, False, {}
+
+    def _seen(self):
+        return np.array([self.place, self.speed], dtype=np.float32)
+
+
+gym.register("Point-v0", entry_point=Point, max_episode_steps=12)
+
+
+def expert(observation):
+    return -2.0 * observation[0] - 1.5 * observation[1]
+'''
+
+SKETCH = """policy point
+
+environment "point_environment:Point-v0"
+
+sensor Place : [-2, 2] = 0
+sensor Speed : [-2, 2] = 1
+
+action Push : [-1, 1] safe 0 = Law
+
+rule Law = Term(Place)
+         | Term(Place) + Term(Speed)
+
+rule Term(x) = ?k * peek(x, -1)
+"""
+
+
+@pytest.fixture
+def point(here, monkeypatch):
+    (here / "point_environment.py").write_text(ENVIRONMENT)
+    (here / "point.pirl").write_text(SKETCH)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(here / "cache"))
+    return here
+
+
+SYNTH = ("synth", "point.pirl", "--trust", "--episodes", "20", "--workers", "1")
+EXPERT = ("--oracle", "point_environment:expert")
+
+
+def test_everything_asked_for_is_in_the_folder(pirlc, point):
+    outcome = pirlc(*SYNTH, *EXPERT, "-o", "run")
+    assert outcome.code == 0
+    assert outcome.out.startswith("a program of ")
+    assert "return over 20 unseen episodes\n  program " in outcome.out
+    made = {p.relative_to(point / "run").as_posix() for p in (point / "run").rglob("*.*")}
+    assert made >= {
+        "manifest.json", "sketch.pirl", "journal.jsonl", "candidates.jsonl", "search.png",
+        "point.pirl", "c/point.c", "c/point.h", "python/point.py",
+    }  # fmt: skip
+    # What it leaves is a program, and reaches what was said.
+    returns = json.loads((point / "run" / "manifest.json").read_text())["evaluation"]["returns"]
+    assert set(returns) == {"program", "emitted C", "oracle", "without refinement"}
+    run = ("rollout", "run/point.pirl", "--trust", "--episodes", "20", "--json")
+    assert pirlc(*run).data["return"]["mean"] == returns["program"]["mean"]
+    assert returns["emitted C"] == returns["program"]
+    assert returns["program"]["mean"] > -4
+    # The same command finds everything done, and says the same again.
+    began = time.monotonic()
+    again = pirlc(*SYNTH, *EXPERT, "-o", "run", "--json")
+    assert time.monotonic() - began < 10
+    assert again.data["program"].splitlines()[-1] in outcome.out
+    assert again.data["returns"] == {
+        name: {key: found[key] for key in ("mean", "low", "high", "std", "episodes")}
+        for name, found in returns.items()
+    }
+    # Another one may not.
+    assert pirlc(*SYNTH, *EXPERT, "-o", "run", "--seed", "3", "--json").codes == ["E0723"]
+
+
+def test_without_oracle_and_refinement(pirlc, point):
+    outcome = pirlc(*SYNTH, "--no-oracle", "--no-refine", "-o", "run", "--json")
+    assert outcome.code == 0
+    assert set(outcome.data["returns"]) == {"program", "emitted C"}
+    assert outcome.data["ending"] == "finished"
+
+
+def test_what_is_refused_before_anything_is_written(pirlc, point):
+    wrong = {
+        "E0502": ("synth", "point.pirl", "-o", "run"),
+        "E0601": (*SYNTH, "--oracle", "nowhere", "-o", "run"),
+        "E0701": ("synth", "nowhere.pirl", "-o", "run"),
+        "E0712": (*SYNTH, *EXPERT, "-o", "point.pirl"),
+    }
+    for code, arguments in wrong.items():
+        assert pirlc(*arguments, "--json").codes == [code]
+    (point / "other.pirl").write_text(SKETCH.replace("= 1\n", "= 2\n"))
+    other = ("synth", "other.pirl", "--trust", *EXPERT, "-o", "run", "--json")
+    assert pirlc(*other).codes == ["E0507"]
+    (point / "full").mkdir()
+    (point / "full" / "mine.txt").write_text("of another kind")
+    assert pirlc(*SYNTH, *EXPERT, "-o", "full", "--json").codes == ["E0722"]
+
+
+@pytest.mark.parametrize(("fault", "code"), [("raises", "E0514"), ("nan", "E0515")])
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_a_simulator_that_fails(pirlc, point, fault, code, workers):
+    named = '"point_environment:Point-v0"'
+    (point / "point.pirl").write_text(SKETCH.replace(named, f'{named} {{ fault = "{fault}" }}'))
+    outcome = pirlc(*SYNTH[:-1], workers, *EXPERT, "-o", "run", "--json")
+    assert (outcome.code, outcome.codes) == (1, [code])
+
+
+def test_a_disk_that_fills_up_loses_nothing(pirlc, process, point):
+    def little_room() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (6_000, 6_000))
+
+    command = (*SYNTH, *EXPERT, "-o", "run", "--json")
+    full = process(*command, preexec_fn=little_room)
+    assert full.code == 1
+    assert full.codes in (["E0705"], ["E0711"])
+    assert "file too large" in full.data["diagnostics"][0]["message"]
+    assert pirlc(*command).data["ending"] == "finished"
+
+
+@pytest.mark.parametrize(
+    "options", [("--no-oracle", "--oracle", "x"), ("--no-oracle", "--oracle-steps", "5")]
+)
+def test_options_that_contradict_each_other(pirlc, point, options):
+    assert pirlc(*SYNTH, *options, "-o", "run").code == 2
+    assert not (point / "run").exists()
+
+
+def test_interrupted_and_resumed(pirlc, point):
+    command = [*SYNTH, *EXPERT, "-o", "run", "--json"]
+    running = subprocess.Popen(
+        [sys.executable, "-m", "pirlc", *command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    candidates = point / "run" / "candidates.jsonl"
+    deadline = time.monotonic() + 60
+    # From the first candidate that was simulated on, there is something to lose.
+    while time.monotonic() < deadline and running.poll() is None:
+        if candidates.is_file() and '"episodes": 100' in candidates.read_text():
+            break
+        time.sleep(0.02)
+    running.send_signal(signal.SIGINT)
+    out, err = running.communicate(timeout=60)
+    assert (running.returncode, err) == (130, "")
+    assert json.loads(out)["interrupted"] is True
+    assert pirlc("check", "run/point.pirl", "--json").data["closed"] is True
+    assert pirlc(*command).data["ending"] == "finished"
