@@ -8,12 +8,11 @@ SourceText -parse-> Sketch -search-> Program -lower, render-> files
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
-from contextlib import closing
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TextIO
 
 from pirlc.backend.emit import emit
 from pirlc.backend.files import not_writable, write, write_text
@@ -27,13 +26,14 @@ from pirlc.oracle.load import LoadedOracle, load
 from pirlc.oracle.train import Progress as TrainingProgress
 from pirlc.oracle.train import plan as plan_training
 from pirlc.oracle.train import train_or_load
-from pirlc.report.manifest import asked_of, provenance, results_of
+from pirlc.report.manifest import Spent, asked_of, provenance, results_of
 from pirlc.report.plots import plot_search
-from pirlc.report.problems import NoSimulator, NothingFound, NothingSoSmall, Problem, error
+from pirlc.report.problems import NoSimulator, NothingFound, NothingSoSmall, error
 from pirlc.report.request import SynthesisRequest
 from pirlc.report.run import Run, open_run
 from pirlc.search.candidate import Candidate, as_entry
 from pirlc.search.context import FIRST_EVALUATION_SEED, Search
+from pirlc.search.enumeration import Enumeration
 from pirlc.search.journal import Budget, Journal
 from pirlc.search.settings import Tell
 from pirlc.search.synthesis import Ending, Found, find_program
@@ -69,16 +69,30 @@ def synthesize(
     misfits = check_interface(sketch.interface, known, request.source)
     if any(found.severity is Severity.ERROR for found in misfits):
         raise PirlcError(misfits)
+    if not any(map(Enumeration(sketch).count, range(1, request.settings.largest + 1))):
+        raise error(NothingSoSmall(request.settings.largest))
     find_compiler()  # A missing one is told before the search, not after it.
     run = open_run(request.folder, asked_of(request))
     write_text(run.folder / "sketch.pirl", request.source.text)
     oracle = _oracle(request, environment, known, tell_training)
-    with _journal(request, run) as journal, _open(run.candidates, "w") as candidates:
-        search = _prepare(request, sketch, environment, journal, candidates, tell)
+    with _journal(request, run) as journal, _recorder(run.candidates) as record:
+        search = Search(
+            sketch,
+            environment,
+            request.settings,
+            journal,
+            request.workers,
+            tell,
+            record,
+            request.trust,
+        )
         found = find_program(search, oracle.oracle if oracle else None, request.plan)
-        seconds = journal.budget.elapsed
+        spent = Spent(
+            journal.used if journal.stopped_at is None else journal.stopped_at,
+            journal.budget.elapsed,
+        )
         if found is None:
-            raise error(_nothing(search))
+            raise error(NothingFound())
         program = found.program.program
         text = program_text(program, provenance(request, oracle, found))
         program_file = write_text(run.folder / f"{sketch.interface.name}.pirl", text)
@@ -86,9 +100,11 @@ def synthesize(
         returns, ending = _evaluate(request, run, search, found, oracle)
     plot = run.folder / "search.png"
     plot_search(search.met, program.size, returns.get("program"), returns.get("oracle"), plot)
-    run.write_manifest(results_of(found, ending, search, oracle, returns, seconds))
+    run.write_manifest(results_of(found, ending, spent, oracle, returns))
     warned = (*warnings, *misfits)
-    return SynthesisResult(program, program_file, (*files, plot), returns, ending, seconds, warned)
+    return SynthesisResult(
+        program, program_file, (*files, plot), returns, ending, spent.seconds, warned
+    )
 
 
 def _environment(sketch: Sketch, request: SynthesisRequest) -> tuple[Environment, EnvironmentFacts]:
@@ -124,45 +140,27 @@ def _journal(request: SynthesisRequest, run: Run) -> closing[Journal]:
     return closing(Journal(run.journal, Budget(request.calls, request.seconds)))
 
 
-def _open(path: Path, mode: str) -> TextIO:
+@contextmanager
+def _recorder(place: Path) -> Iterator[Callable[[str, Candidate], None]]:
+    """Writes every program met as a line of the record."""
     try:
-        return path.open(mode, encoding="utf-8")  # type: ignore[return-value]
+        file = place.open("w", encoding="utf-8")
     except OSError as e:
-        raise not_writable(path, e) from None
+        raise not_writable(place, e) from None
 
-
-def _prepare(
-    request: SynthesisRequest,
-    sketch: Sketch,
-    environment: Environment,
-    journal: Journal,
-    candidates: TextIO,
-    tell: Tell,
-) -> Search:
     def record(stage: str, candidate: Candidate) -> None:
         try:
-            candidates.write(json.dumps(as_entry(candidate, stage)) + "\n")
-            candidates.flush()
+            file.write(json.dumps(as_entry(candidate, stage)) + "\n")
+            file.flush()
         except OSError as e:
-            raise not_writable(Path(candidates.name), e) from None
+            raise not_writable(place, e) from None
 
-    return Search(
-        sketch,
-        environment,
-        request.settings,
-        journal,
-        request.workers,
-        tell,
-        record,
-        request.trust,
-    )
-
-
-def _nothing(search: Search) -> Problem:
-    largest = search.settings.largest
-    if not any(search.enumeration.count(total) for total in range(1, largest + 1)):
-        return NothingSoSmall(largest)
-    return NothingFound("it was interrupted or its budget was used up")
+    try:
+        yield record
+    finally:
+        # Whatever could not be written was told when it was flushed.
+        with suppress(OSError):
+            file.close()
 
 
 def _emit(program: Program, run: Run) -> tuple[Path, ...]:
@@ -190,7 +188,7 @@ def _evaluate(
         subjects["without refinement"] = python_controller(found.imitated.program)
     seeds = range(FIRST_EVALUATION_SEED, FIRST_EVALUATION_SEED + request.episodes)
     returns: dict[str, ReturnEstimate] = {}
-    search.journal.closing = True
+    search.journal.lift_budget()
     try:
         for number, (name, subject) in enumerate(subjects.items()):
             search.progress(f"evaluate ({name})", number, len(subjects))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from hashlib import sha256
 from importlib.metadata import version
 from typing import Any
@@ -15,11 +15,22 @@ from pirlc.oracle.load import LoadedOracle
 from pirlc.oracle.manifest import to_json
 from pirlc.report.request import SynthesisRequest
 from pirlc.search.candidate import as_entry
-from pirlc.search.context import FIRST_EVALUATION_SEED, Search
+from pirlc.search.context import FIRST_EVALUATION_SEED
 from pirlc.search.synthesis import Ending, Found
 from pirlc.simulation.rollout import ReturnEstimate
 
 _LIBRARIES = ("casadi", "cmaes", "gymnasium", "numpy", "scipy", "stable_baselines3", "torch")
+
+
+@dataclass(frozen=True)
+class Spent:
+    """What a search took: tunings and simulations, and seconds of this run.
+
+    Given as the budget, `calls` stops a search at the place where time stopped this one.
+    """
+
+    calls: int
+    seconds: float
 
 
 def asked_of(request: SynthesisRequest) -> dict[str, Any]:
@@ -65,22 +76,17 @@ def provenance(
 def results_of(
     found: Found,
     ending: Ending,
-    search: Search,
+    spent: Spent,
     oracle: LoadedOracle | None,
     returns: Mapping[str, ReturnEstimate],
-    seconds: float,
 ) -> dict[str, Any]:
-    """The part of the manifest that is known at the end.
-
-    `calls` repeats a search that was stopped by time: given as the budget, it stops at the same
-    place.
-    """
+    """The part of the manifest that is known at the end."""
     text = program_text(found.program.program)
     return {
         "state": ending.value,
         "versions": versions(),
-        "calls": search.journal.used,
-        "search_seconds": round(seconds, 1),
+        "calls_of_search": spent.calls,
+        "seconds_of_search": round(spent.seconds, 1),
         "oracle": to_json(oracle.manifest) if oracle and oracle.manifest else None,
         "program": {
             "size": found.program.size,

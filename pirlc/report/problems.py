@@ -41,9 +41,7 @@ class DamagedRun:
 
 @dataclass(frozen=True)
 class NothingFound:
-    """A search ended before it had met any program."""
-
-    why: str
+    """A search was interrupted, or used up its budget, before it had met any program."""
 
 
 @dataclass(frozen=True)
@@ -88,10 +86,10 @@ def describe(problem: Problem) -> Diagnostic:
                 f"the manifest of the run in `{folder}` cannot be read: {reason}",
                 help="name another folder with `-o`; the journal in this one was left as it is",
             )
-        case NothingFound(why):
+        case NothingFound():
             return Diagnostic(
                 "E0725",
-                f"the search ended before it had a program: {why}",
+                "the search ended before it had a program",
                 help="the same command goes on from here; `--time` or `--budget` may be too small",
             )
         case NothingSoSmall(largest):

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -54,13 +55,15 @@ class Budget:
 class Journal:
     """The results of expensive calls, kept in memory and appended to a file.
 
-    `used` counts the calls answered since the journal was opened, known and new alike.
+    `used` counts the calls answered since the journal was opened, known and new alike;
+    `stopped_at` is that count when the budget was found to be used up.
     """
 
     def __init__(self, path: Path | None, budget: Budget) -> None:
         self.budget = budget
         self.used = 0
-        self.closing = False
+        self._lifted = False
+        self.stopped_at: int | None = None
         self._path = path
         self._known: dict[str, Any] = {}
         self._file = None
@@ -71,13 +74,15 @@ class Journal:
             except OSError as e:
                 raise not_writable(path, e) from None
 
-    def allow_closing(self) -> None:
-        """Lifts the budget, for the last few calls that turn what was found into a result."""
-        self.closing = True
+    def lift_budget(self) -> None:
+        """Lets every further call through: those that evaluate what was found."""
+        self._lifted = True
 
     def close(self) -> None:
         if self._file is not None:
-            self._file.close()
+            # Whatever could not be written was told when it was flushed.
+            with suppress(OSError):
+                self._file.close()
 
     def each(
         self,
@@ -92,7 +97,8 @@ class Journal:
         counts as one call for each item, and is not begun if the budget is used up: then this
         raises `BudgetExhausted`.
         """
-        if not self.closing and not self.budget.allows(self.used):
+        if not self._lifted and not self.budget.allows(self.used):
+            self.stopped_at = self.used
             raise BudgetExhausted
         names = [f"{kind}:{digest(key)}" for key in keys]
         missing = {n: i for n, i in zip(names, items, strict=True) if n not in self._known}

@@ -17,12 +17,8 @@ from numpy.typing import NDArray
 from pirlc.search.candidate import Candidate, choose
 from pirlc.search.canonical import canonical_form
 from pirlc.search.context import Search
-from pirlc.search.journal import BudgetExhausted
 from pirlc.semantics.histories import HistorySet
 from pirlc.tune import natural_scales
-
-VALIDATION_EPISODES = 400
-"""Episodes that the refined programs are compared on, which served for nothing before."""
 
 _STEP = 0.3
 """CMA-ES's first step, in the natural scales of the parameters."""
@@ -31,8 +27,9 @@ _EPISODES = 10
 """Of each program of a generation: few, for many noisy generations get further than few exact
 ones."""
 
-_HEATS = ((32, 40), (10, 160), (4, VALIDATION_EPISODES))
-"""How many of the best programs sampled go on to how many episodes at the end."""
+_HEATS = ((32, 0.4), (10, 1.6), (4, 10.0))
+"""How many of the best programs sampled go on at the end, and to how many episodes, in units of
+`Settings.episodes`."""
 
 _PLATEAU = 2
 """Generations without any difference in return after which there is nothing to climb."""
@@ -47,27 +44,25 @@ def refine(search: Search, histories: HistorySet, programs: Sequence[Candidate])
     climbs = [_Climb(search, p, histories) for p in programs if p.values]
     rounds = 1 + max(0, len(climbs) - 1).bit_length()
     running = list(climbs)
-    try:
-        for turn in range(rounds if climbs else 0):
-            share = search.settings.refine_episodes // rounds // len(running)
-            for number, climb in enumerate(running):
-                search.progress(f"refine (round {turn + 1} of {rounds})", number, len(running))
-                climb.advance(search, share)
-            reached = search.simulate([c.centre for c in running], f"refine {turn}", 160)
-            for climb, candidate in zip(running, reached, strict=True):
-                search.keep("refine", candidate)
-                climb.score = candidate.mean
-            running.sort(key=lambda climb: -climb.score)
-            running = running[: (len(running) + 1) // 2]
-    except BudgetExhausted:
-        search.journal.allow_closing()
+    for turn in range(rounds if climbs else 0):
+        share = search.settings.refine_episodes // rounds // len(running)
+        for number, climb in enumerate(running):
+            search.progress(f"refine (round {turn + 1} of {rounds})", number, len(running))
+            climb.advance(search, share)
+        centres = [climb.centre for climb in running]
+        reached = search.simulate(centres, f"refine {turn}", 2 * search.settings.episodes)
+        for climb, candidate in zip(running, reached, strict=True):
+            search.keep("refine", candidate)
+            climb.score = candidate.mean
+        running.sort(key=lambda climb: -climb.score)
+        running = running[: (len(running) + 1) // 2]
     samples = sorted((s for c in climbs for s in c.samples), key=lambda s: -s.mean)
     finalists = [*(c.centre for c in climbs if c.generation), *samples]
-    for kept, episodes in _HEATS:
-        heat = search.simulate(finalists[:kept], f"heat of {episodes}", episodes)
+    for number, (kept, relative) in enumerate(_HEATS):
+        episodes = max(1, round(relative * search.settings.episodes))
+        heat = search.simulate(finalists[:kept], f"heat {number + 1}", episodes)
         finalists = sorted(heat, key=lambda candidate: -candidate.mean)
-    best = programs[: _HEATS[-1][0]]
-    finalists += search.simulate(best, f"heat of {VALIDATION_EPISODES}", VALIDATION_EPISODES)
+    finalists += search.simulate(programs[:kept], f"heat {number + 1}", episodes)
     for candidate in finalists:
         search.keep("validate", candidate)
     return choose(finalists)
@@ -76,8 +71,8 @@ def refine(search: Search, histories: HistorySet, programs: Sequence[Candidate])
 def promising(search: Search) -> list[Candidate]:
     """Programs met that are worth refining, one for each structure, the best by return first.
 
-    Those that no shorter program surpasses come before all others: a short program often lacks
-    nothing but better parameters.
+    Those that earn more than every shorter one come before all others: a short program often
+    lacks nothing but better parameters.
     """
     best: dict[str, Candidate] = {}
     for _, candidate in search.met:
@@ -85,10 +80,13 @@ def promising(search: Search) -> list[Candidate]:
             form = canonical_form(candidate.expansion.template)
             if form not in best or candidate.mean > best[form].mean:
                 best[form] = candidate
+    front: list[Candidate] = []
+    for candidate in sorted(best.values(), key=lambda c: (c.size, -c.mean)):
+        if not front or candidate.mean > front[-1].mean:
+            front.append(candidate)
     ranked = sorted(best.values(), key=lambda c: (-c.mean, c.size))
-    front = [c for c in ranked if all(o.size > c.size for o in ranked if o.mean > c.mean)]
-    others = [c for c in ranked if c not in front]
-    chosen = [*front, *others][: search.settings.refined]
+    others = [candidate for candidate in ranked if candidate not in front]
+    chosen = [*reversed(front), *others][: search.settings.refined]
     return sorted(chosen, key=lambda c: (-c.mean, c.size))
 
 

@@ -9,8 +9,6 @@ import numpy as np
 from pirlc.search.candidate import Candidate
 from pirlc.search.context import Search
 
-EPISODES = 300
-
 _LOSS = 0.002
 """How much of the mean return, relative to its size, rounding may cost."""
 
@@ -21,7 +19,7 @@ def round_constants(search: Search, program: Candidate) -> Candidate:
     """The program with its parameters rounded to as few significant digits as keep its return.
 
     First all to the same number of digits; then each to one digit less, where that costs nothing
-    either. Compared on episodes of its own; the returns of the result are those.
+    either. Compared on episodes of its own.
     """
     if not program.values:
         return program
@@ -48,7 +46,7 @@ def round_constants(search: Search, program: Candidate) -> Candidate:
 
 
 def _means(search: Search, program: Candidate, values: list[dict[str, float]]) -> list[float]:
-    seeds = search.seeds("round", EPISODES)
+    seeds = search.seeds("round", 3 * search.settings.episodes)
     returns = search.returns(program.expansion.template, values, seeds)
     return [float(mean) for mean in np.mean(returns, axis=1)]
 

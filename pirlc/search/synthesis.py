@@ -12,7 +12,7 @@ from pirlc.search.imitation import create_histories
 from pirlc.search.journal import BudgetExhausted
 from pirlc.search.naive import explore
 from pirlc.search.ndps import ndps
-from pirlc.search.refinement import VALIDATION_EPISODES, promising, refine
+from pirlc.search.refinement import promising, refine
 from pirlc.search.rounding import round_constants
 
 
@@ -58,23 +58,17 @@ def find_program(search: Search, oracle: Oracle | None, plan: Plan) -> Found | N
     """
     imitated: Candidate | None = None
     try:
-        try:
-            objective = explore(search) if oracle is None else create_histories(search, oracle)
-            imitated = ndps(search, objective, augment=plan.augment)
-        except BudgetExhausted:
-            search.journal.allow_closing()
-            best = _best_so_far(search)
-            if best is None:
-                return None
-            return Found(_rounded(search, best), None, Ending.BUDGET)
-        if not plan.refine:
-            return Found(_rounded(search, imitated), imitated, Ending.FINISHED)
-        climbed = refine(search, objective.histories.sample(_SCALE_HISTORIES, 0), promising(search))
-        ending = Ending.BUDGET if search.journal.closing else Ending.FINISHED
-        return Found(_rounded(search, climbed), imitated, ending)
+        objective = explore(search) if oracle is None else create_histories(search, oracle)
+        imitated = ndps(search, objective, augment=plan.augment)
+        best = imitated
+        if plan.refine:
+            histories = objective.histories.sample(_SCALE_HISTORIES, search.settings.seed)
+            best = refine(search, histories, promising(search))
+        return Found(_rounded(search, best), imitated, Ending.FINISHED)
+    except BudgetExhausted:
+        return _so_far(search, imitated, Ending.BUDGET)
     except KeyboardInterrupt:
-        best = _best_so_far(search)
-        return None if best is None else Found(best, imitated, Ending.INTERRUPTED)
+        return _so_far(search, imitated, Ending.INTERRUPTED)
 
 
 _SCALE_HISTORIES = 2000
@@ -83,15 +77,19 @@ _SCALE_HISTORIES = 2000
 
 def _rounded(search: Search, program: Candidate) -> Candidate:
     rounded = round_constants(search, program)
-    (checked,) = search.simulate([rounded], "final check", VALIDATION_EPISODES)
+    (checked,) = search.simulate([rounded], "final check", search.settings.episodes)
     search.keep("round", checked)
     return checked
 
 
-def _best_so_far(search: Search) -> Candidate | None:
+def _so_far(search: Search, imitated: Candidate | None, ending: Ending) -> Found | None:
     """The best by return, or the closest to the oracle if none was simulated yet."""
     met = [candidate for _, candidate in search.met]
-    simulated = [candidate for candidate in met if candidate.returns is not None]
-    if simulated:
-        return max(simulated, key=lambda c: (len(c.returns or ()) >= 100, c.mean, -c.size))
-    return min(met, key=lambda c: (c.loss, c.size), default=None)
+    enough = [c for c in met if len(c.returns or ()) >= search.settings.episodes]
+    if enough:
+        best = max(enough, key=lambda c: (c.mean, -c.size))
+    elif met:
+        best = min(met, key=lambda c: (c.loss, c.size))
+    else:
+        return None
+    return Found(best, imitated, ending)

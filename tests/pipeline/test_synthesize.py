@@ -1,0 +1,189 @@
+"""A synthesis from end to end on CartPole: what it leaves, and that it can be repeated."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pirlc.diagnostics import PirlcError
+from pirlc.frontend import parse_sketch
+from pirlc.ir.expansion import close
+from pirlc.pipeline import SynthesisResult, synthesize
+from pirlc.report.request import OracleRequest, SynthesisRequest
+from pirlc.search.settings import Progress, Settings
+from pirlc.search.synthesis import Ending, Plan
+from pirlc.source import SourceText
+from tests.support.oracles import save_balancer
+
+SKETCH = """policy pole
+environment "CartPole-v1"
+sensor Angle           : [-0.21, 0.21] = 2
+sensor AngularVelocity : [-3.5, 3.5]   = 3
+window 2
+action Push : {0, 1} = if Guard then 1 else 0
+rule Term(x) = ?k * peek(x, -1) | ?k * fold(+, x)
+rule Guard = Term(Angle) > ?(c in [-1, 1]) | Term(Angle) + Term(AngularVelocity) > 0
+"""
+
+SMALL = Settings(
+    create_episodes=3,
+    update_episodes=2,
+    histories=400,
+    pool=6,
+    neighbours=4,
+    iterations=1,
+    simulated=3,
+    episodes=10,
+    refined=2,
+    refine_episodes=600,
+)
+
+
+@pytest.fixture(scope="module")
+def oracle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save_balancer(tmp_path_factory.mktemp("oracle") / "balancer")
+
+
+@pytest.fixture
+def request_(tmp_path: Path, oracle: Path) -> SynthesisRequest:
+    return SynthesisRequest(
+        source=SourceText("pole.pirl", SKETCH),
+        folder=tmp_path / "run",
+        cache=tmp_path / "cache",
+        oracle=OracleRequest(str(oracle)),
+        settings=SMALL,
+        episodes=20,
+        workers=1,
+    )
+
+
+def run(request: SynthesisRequest, stages: list[str] | None = None) -> SynthesisResult:
+    def tell(progress: Progress) -> None:
+        if stages is not None:
+            stages.append(progress.stage)
+
+    return synthesize(request, tell, lambda _: None)
+
+
+def lines(path: Path) -> list[str]:
+    return path.read_text().splitlines()
+
+
+def test_what_a_run_leaves(request_: SynthesisRequest) -> None:
+    result = run(request_)
+    folder = request_.folder
+    assert result.ending is Ending.FINISHED
+    assert result.returns["program"].mean >= 450.0
+    assert result.returns["program"] == result.returns["emitted C"]
+    assert set(result.returns) == {"program", "emitted C", "oracle", "without refinement"}
+    source = SourceText("pole.pirl", result.program_file.read_text())
+    assert close(parse_sketch(source)) == result.program
+    assert {path.relative_to(folder).as_posix() for path in result.files} == {
+        "c/pole.c",
+        "c/pole.h",
+        "python/pole.py",
+        "search.png",
+    }
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["state"] == "finished"
+    assert manifest["program"]["size"] == result.program.size
+    assert manifest["evaluation"]["returns"]["program"]["mean"] == result.returns["program"].mean
+    assert manifest["evaluation"]["first_seed"] == 1_000_000
+    assert manifest["oracle"]["algorithm"] == "written by hand"
+    met = [json.loads(line) for line in lines(folder / "candidates.jsonl")]
+    assert {"size", "loss", "mean_return", "values", "derivations"} <= met[0].keys()
+    assert any(entry["stage"] == "refine" for entry in met)
+
+
+def test_the_same_command_again_only_reads_the_journal(request_: SynthesisRequest) -> None:
+    first = run(request_)
+    journal = lines(request_.folder / "journal.jsonl")
+    program = first.program_file.read_bytes()
+    again = run(request_)
+    assert lines(request_.folder / "journal.jsonl") == journal
+    assert again.program_file.read_bytes() == program
+    assert again.returns == first.returns
+
+
+def test_cut_off_anywhere_it_resumes_to_the_same_result(request_: SynthesisRequest) -> None:
+    whole = run(request_)
+    text = whole.program_file.read_text()
+    journal = lines(request_.folder / "journal.jsonl")
+    kept = "\n".join(journal[: len(journal) // 2]) + "\n" + journal[len(journal) // 2][:9]
+    (request_.folder / "journal.jsonl").write_text(kept)
+    assert run(request_).program_file.read_text() == text
+    assert lines(request_.folder / "journal.jsonl") == journal
+
+
+def test_workers_change_nothing(request_: SynthesisRequest) -> None:
+    one = run(request_)
+    two = run(replace(request_, folder=request_.folder.parent / "two", workers=2))
+    assert one.program_file.read_bytes() == two.program_file.read_bytes()
+    assert one.returns == two.returns
+    journals = [
+        lines(folder / "journal.jsonl")
+        for folder in (request_.folder, request_.folder.parent / "two")
+    ]
+    assert journals[0] == journals[1]
+
+
+def test_a_run_stopped_by_time_is_repeated_by_its_calls(request_: SynthesisRequest) -> None:
+    stopped = run(replace(request_, seconds=1.0))
+    calls = json.loads((request_.folder / "manifest.json").read_text())["calls_of_search"]
+    assert stopped.ending is Ending.BUDGET
+    other = replace(request_, folder=request_.folder.parent / "again", calls=calls)
+    assert run(other).program == stopped.program
+
+
+def test_ctrl_c_leaves_a_program_and_resumes(request_: SynthesisRequest) -> None:
+    def interrupt(progress: Progress) -> None:
+        if progress.stage.startswith("refine (round 1"):
+            raise KeyboardInterrupt
+
+    cut = synthesize(request_, interrupt, lambda _: None)
+    assert cut.ending is Ending.INTERRUPTED
+    assert not cut.returns
+    assert close(parse_sketch(SourceText("p", cut.program_file.read_text()))) == cut.program
+    assert (request_.folder / "c" / "pole.c").is_file()
+    assert json.loads((request_.folder / "manifest.json").read_text())["state"] == "interrupted"
+    whole = run(replace(request_, folder=request_.folder.parent / "whole"))
+    resumed = run(request_)
+    assert resumed.program_file.read_bytes() == whole.program_file.read_bytes()
+
+
+def test_without_oracle_and_without_refinement(request_: SynthesisRequest) -> None:
+    stages: list[str] = []
+    result = run(replace(request_, oracle=None, plan=Plan(refine=False)), stages)
+    assert set(result.returns) == {"program", "emitted C"}
+    assert result.returns["program"].mean >= 100.0
+    assert not any(stage.startswith("refine") for stage in stages)
+
+
+def refused(request: SynthesisRequest) -> str:
+    with pytest.raises(PirlcError) as caught:
+        run(request)
+    return caught.value.diagnostics[0].code
+
+
+def test_folders_of_others_stay_as_they_are(request_: SynthesisRequest, tmp_path: Path) -> None:
+    run(request_)
+    before = {p: p.read_bytes() for p in request_.folder.rglob("*") if p.is_file()}
+    other = replace(request_, settings=replace(SMALL, seed=1))
+    assert refused(other) == "E0723"
+    assert {p: p.read_bytes() for p in request_.folder.rglob("*") if p.is_file()} == before
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letter.txt").write_text("hello")
+    assert refused(replace(request_, folder=tmp_path / "mine")) == "E0722"
+    (request_.folder / "manifest.json").write_text("gibberish")
+    assert refused(request_) == "E0724"
+
+
+def test_nothing_small_enough_and_no_time(request_: SynthesisRequest) -> None:
+    assert refused(replace(request_, settings=replace(SMALL, largest=3))) == "E0726"
+    early = replace(request_, folder=request_.folder.parent / "early", seconds=1e-9)
+    assert refused(early) == "E0725"
+    hardware = SKETCH.replace('environment "CartPole-v1"\n', "")
+    assert refused(replace(request_, source=SourceText("pole.pirl", hardware))) == "E0721"
