@@ -111,5 +111,7 @@ class Search:
         self.record(stage, candidate)
 
     def progress(self, stage: str, done: int, total: int) -> None:
-        best = max((c for _, c in self.met), key=lambda c: c.mean, default=None)
+        # Means over different episodes do not compare: those over the most are the latest.
+        met = (candidate for _, candidate in self.met)
+        best = max(met, key=lambda c: (len(c.returns or ()), c.mean), default=None)
         self.tell(Progress(stage, done, total, best))

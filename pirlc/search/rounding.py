@@ -9,6 +9,9 @@ import numpy as np
 from pirlc.search.candidate import Candidate
 from pirlc.search.context import Search
 
+_PURPOSE, _EPISODES = "round", 3
+"""The seeds of these episodes, and how many, in units of `Settings.episodes`."""
+
 _LOSS = 0.002
 """How much of the mean return, relative to its size, rounding may cost."""
 
@@ -19,7 +22,8 @@ def round_constants(search: Search, program: Candidate) -> Candidate:
     """The program with its parameters rounded to as few significant digits as keep its return.
 
     First all to the same number of digits; then each to one digit less, where that costs nothing
-    either. Compared on episodes of its own.
+    either. Compared on episodes of its own; the
+    returns of the result are those.
     """
     if not program.values:
         return program
@@ -42,11 +46,12 @@ def round_constants(search: Search, program: Candidate) -> Candidate:
         together = {**chosen, **{name: shorter[name] for name in harmless}}
         if _means(search, program, [together])[0] >= enough:
             chosen = together
-    return replace(program, values=tuple(sorted(chosen.items())), returns=None)
+    rounded = replace(program, values=tuple(sorted(chosen.items())), returns=None)
+    return search.simulate([rounded], _PURPOSE, _EPISODES * search.settings.episodes)[0]
 
 
 def _means(search: Search, program: Candidate, values: list[dict[str, float]]) -> list[float]:
-    seeds = search.seeds("round", 3 * search.settings.episodes)
+    seeds = search.seeds(_PURPOSE, _EPISODES * search.settings.episodes)
     returns = search.returns(program.expansion.template, values, seeds)
     return [float(mean) for mean in np.mean(returns, axis=1)]
 
