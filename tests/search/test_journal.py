@@ -179,7 +179,7 @@ def test_the_last_calls_are_allowed() -> None:
     run.through(journal, 1)
     with pytest.raises(BudgetExhausted):
         run.through(journal, 2)
-    journal.allow_closing()
+    journal.lift_budget()
     assert run.through(journal, 2) == [4.0]
 
 
