@@ -45,10 +45,10 @@ from pirlc.ir.controller import (
 )
 from pirlc.ir.operators import Operator
 
-SHIFTED = 8
+SHIFTED = 2
 """Buffers of at most so many readings are shifted along; longer ones are rings.
 
-Shifting costs a move for each reading, but spares every access its index arithmetic.
+Shifting two costs one move, and spares every access its index arithmetic.
 """
 
 _MATH_CALLS = {

@@ -22,8 +22,7 @@ def round_constants(search: Search, program: Candidate) -> Candidate:
     """The program with its parameters rounded to as few significant digits as keep its return.
 
     First all to the same number of digits; then each to one digit less, where that costs nothing
-    either. Compared on episodes of its own; the
-    returns of the result are those.
+    either. Compared on episodes of its own; the returns of the result are those.
     """
     if not program.values:
         return program
