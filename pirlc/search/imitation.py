@@ -71,8 +71,7 @@ class Imitation:
             for neighbour, found in zip(templates[part], results, strict=True):
                 values = tuple(sorted(found["values"].items()))
                 candidates.append(Candidate(neighbour.expansion, values, found["distance"]))
-        for candidate in candidates:
-            search.keep(f"tune ({stage})", candidate)
+                search.keep(f"tune ({stage})", candidates[-1])
         return candidates
 
     def update_histories(self, search: Search, program: Candidate, turn: int) -> Imitation:
