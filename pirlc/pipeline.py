@@ -23,9 +23,9 @@ from pirlc.frontend import check
 from pirlc.ir.policy import Environment, Program, Sketch
 from pirlc.ir.printer import program_text
 from pirlc.oracle.load import LoadedOracle, load
-from pirlc.oracle.train import Progress as TrainingProgress
 from pirlc.oracle.train import plan as plan_training
 from pirlc.oracle.train import train_or_load
+from pirlc.oracle.training import Progress as TrainingProgress
 from pirlc.report.manifest import Spent, asked_of, provenance, results_of
 from pirlc.report.plots import plot_search
 from pirlc.report.problems import NoSimulator, NothingFound, NothingSoSmall, error

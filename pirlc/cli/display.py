@@ -11,7 +11,7 @@ from pirlc.cli.measure import number
 from pirlc.cli.oracles import training_words
 from pirlc.cli.session import is_terminal
 from pirlc.ir.printer import program_text
-from pirlc.oracle.train import Progress as Training
+from pirlc.oracle.training import Progress as Training
 from pirlc.search.candidate import Candidate
 from pirlc.search.settings import Progress as Searching
 

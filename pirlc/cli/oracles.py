@@ -21,7 +21,8 @@ from pirlc.oracle.store import (
     list_stored,
     save_oracle,
 )
-from pirlc.oracle.train import Progress, Report, Training, cache_folder, cached, plan, train
+from pirlc.oracle.train import cache_folder, cached, plan, train
+from pirlc.oracle.training import Progress, Report, Training
 
 
 @dataclass(frozen=True)

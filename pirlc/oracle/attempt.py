@@ -25,7 +25,7 @@ from pirlc.oracle.export import export
 from pirlc.oracle.manifest import Json
 from pirlc.oracle.network import NetworkOracle, Scaling
 from pirlc.oracle.problems import BadHyperparameter, TrainingFailed, UnsupportedNetwork, failure
-from pirlc.oracle.train import FINALISTS, Candidate, Tell, Training
+from pirlc.oracle.training import FINALISTS, Candidate, Tell, Training
 from pirlc.simulation.environments import EnvironmentFacts, Simulator, make
 
 THREADS = 1

@@ -15,8 +15,7 @@ import json
 import math
 import platform
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -35,53 +34,17 @@ from pirlc.oracle.settings import (
     with_overrides,
 )
 from pirlc.oracle.store import StoredOracle, load_stored, save_oracle
+from pirlc.oracle.training import FINALISTS, Candidate, Progress, Report, Tell, Training
 from pirlc.simulation.environments import EnvironmentFacts, make
 from pirlc.simulation.rollout import estimate, run_returns
 
 SELECTION_SEEDS = range(500_000, 500_100)
-"""The episodes that policies are judged by while they are trained."""
+"""The episodes that policies are judged by while they are trained: a `Candidate`'s return."""
 RUN_OFF_SEEDS = range(520_000, 520_300)
 """The episodes that decide among the best of them."""
-FINALISTS = 3
 SCORE_SEEDS = range(510_000, 510_100)
 """The episodes that the manifest's return is measured on."""
 _TRAINING_SEEDS = range(400_000, 500_000)
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far a training is.
-
-    `fraction` of the steps that this attempt (counted from 1) may take, 0 to 1: it may end sooner.
-    `steps`: taken in all attempts. `recent`: the mean return of the last exploring episodes,
-    `best`: of the best evaluation so far; None before there is one.
-    """
-
-    fraction: float
-    steps: int
-    attempt: int
-    recent: float | None
-    best: float | None
-
-
-Candidate = tuple[float, NetworkOracle]
-"""A policy with its mean return over `SELECTION_SEEDS`."""
-
-Report = Callable[[Progress], None]
-
-Tell = Callable[[int, float | None, float | None], None]
-"""What an attempt calls with its steps, recent return and best evaluation."""
-
-
-@dataclass(frozen=True)
-class Training:
-    """All that determines an oracle, but for the versions of the libraries."""
-
-    environment: Environment
-    facts: EnvironmentFacts
-    algorithm: str
-    settings: Settings
-    seed: int
 
 
 def plan(

@@ -18,8 +18,6 @@ from pirlc.oracle.train import (
     RUN_OFF_SEEDS,
     SCORE_SEEDS,
     SELECTION_SEEDS,
-    Progress,
-    Training,
     attempt_seed,
     cache_folder,
     cached,
@@ -27,6 +25,7 @@ from pirlc.oracle.train import (
     train,
     train_or_load,
 )
+from pirlc.oracle.training import Progress, Training
 from pirlc.simulation.environments import facts
 
 CARTPOLE, PENDULUM = Environment("CartPole-v1"), Environment("Pendulum-v1")
