@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pirlc.diagnostics import Diagnostic, PirlcError
-from pirlc.frontend import names, problems, syntax, wellformed
+from pirlc.frontend import names, syntax, wellformed
 from pirlc.frontend.declare import declare
 from pirlc.frontend.describe import describe
 from pirlc.frontend.elaborate import elaborate
 from pirlc.frontend.explain import explain
 from pirlc.frontend.parse import DEPTH_LIMIT, parse
-from pirlc.frontend.problems import Collector
+from pirlc.frontend.problems import Collector, Found
+from pirlc.frontend.problems_syntax import TooDeep
 from pirlc.ir.policy import Sketch
 from pirlc.source import SourceText, Span
 
@@ -29,7 +30,7 @@ def check(source: SourceText) -> tuple[Sketch, tuple[Diagnostic, ...]]:
     except RecursionError:
         # Rules may nest the guessing of each other's types deeper than any one expression is.
         place = tree.declarations[0].span if tree.declarations else Span(0, 0)
-        found = problems.Found(problems.TooDeep(place, DEPTH_LIMIT))
+        found = Found(TooDeep(place, DEPTH_LIMIT))
         raise PirlcError(describe(found, source)) from None
 
 
@@ -67,6 +68,6 @@ def _elaborate(
     return sketch, tuple(describe(found, source) for found in collector.found)
 
 
-def _place(found: problems.Found) -> int:
+def _place(found: Found) -> int:
     span = getattr(found.problem, "span", None)
     return span.start if isinstance(span, Span) else 0

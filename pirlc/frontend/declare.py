@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from pirlc.diagnostics import suggestion
-from pirlc.frontend import problems, syntax
+from pirlc.frontend import problems_names as problems
+from pirlc.frontend import syntax
 from pirlc.frontend.problems import Collector
+from pirlc.frontend.problems_sketch import SameComponent
 from pirlc.frontend.scope import FUNCTIONS, Scope
 from pirlc.ir import policy
 from pirlc.source import Span
@@ -351,7 +353,5 @@ def _check_components(actions: list[policy.ActionSpec], collector: Collector) ->
     for action in actions:
         if action.component in first:
             other = first[action.component]
-            collector.add(
-                problems.SameComponent(action.span, action.component, other.span, other.name)
-            )
+            collector.add(SameComponent(action.span, action.component, other.span, other.name))
         first.setdefault(action.component, action)

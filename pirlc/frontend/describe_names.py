@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import assert_never
 
 from pirlc.diagnostics import Diagnostic, Label
-from pirlc.frontend import problems
-from pirlc.frontend.problems import NameProblem
+from pirlc.frontend import problems_names as problems
+from pirlc.frontend.problems_names import NameProblem
 from pirlc.source import SourceText
 
 

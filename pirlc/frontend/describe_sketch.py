@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import assert_never
 
 from pirlc.diagnostics import Diagnostic, Label, Severity
-from pirlc.frontend import problems
-from pirlc.frontend.problems import SketchProblem
+from pirlc.frontend import problems_sketch as problems
+from pirlc.frontend.problems_sketch import SketchProblem
 from pirlc.source import SourceText
 
 

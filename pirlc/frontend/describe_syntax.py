@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import assert_never
 
 from pirlc.diagnostics import Diagnostic, Label
-from pirlc.frontend import problems
-from pirlc.frontend.problems import SyntaxProblem
+from pirlc.frontend import problems_syntax as problems
+from pirlc.frontend.problems_syntax import SyntaxProblem
 from pirlc.source import SourceText
 
 _CLOSING = {"(": ")", "[": "]", "{": "}"}

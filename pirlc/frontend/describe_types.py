@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import assert_never
 
 from pirlc.diagnostics import Diagnostic, Label
-from pirlc.frontend import problems
-from pirlc.frontend.problems import TypeProblem
+from pirlc.frontend import problems_types as problems
+from pirlc.frontend.problems_types import TypeProblem
 from pirlc.source import SourceText
 
 

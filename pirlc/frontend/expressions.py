@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from pirlc.frontend import problems, syntax
+from pirlc.frontend import problems_types as problems
+from pirlc.frontend import syntax
 from pirlc.frontend.discrete import discrete_use, undecided
 from pirlc.frontend.guess import Guesser
 from pirlc.frontend.instances import Instances

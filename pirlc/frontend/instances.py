@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 
-from pirlc.frontend import problems, syntax
+from pirlc.frontend import problems_sketch as problems
+from pirlc.frontend import syntax
 from pirlc.frontend.problems import Collector
 from pirlc.ir.types import Type
 

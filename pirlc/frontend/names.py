@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from pirlc.frontend import problems, syntax
+from pirlc.frontend import problems_names as problems
+from pirlc.frontend import syntax
 from pirlc.frontend.declare import bounds, check_guess, check_name
 from pirlc.frontend.problems import Collector
 from pirlc.frontend.scope import FOLD_CALLS, FUNCTIONS, OPERATOR_CALLS, USAGES, Scope

@@ -13,7 +13,8 @@ import re
 from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
 
 from pirlc.diagnostics import PirlcError
-from pirlc.frontend import problems, syntax
+from pirlc.frontend import problems_syntax as problems
+from pirlc.frontend import syntax
 from pirlc.frontend.build import build
 from pirlc.frontend.describe import describe
 from pirlc.frontend.problems import Collector

@@ -11,8 +11,8 @@ import re
 from lark import Token
 
 from pirlc.diagnostics import suggestion
-from pirlc.frontend import problems
-from pirlc.frontend.problems import SyntaxProblem
+from pirlc.frontend import problems_syntax as problems
+from pirlc.frontend.problems_syntax import SyntaxProblem
 from pirlc.source import Span
 
 KEYWORDS = frozenset(

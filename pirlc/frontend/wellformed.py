@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pirlc.frontend import problems, syntax
+from pirlc.frontend import problems_sketch as problems
+from pirlc.frontend import syntax
 from pirlc.frontend.declare import Declared
 from pirlc.frontend.graphs import circles, components
 from pirlc.frontend.problems import Collector
