@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from fractions import Fraction
 from typing import Literal
 
 from pirlc.semantics.precision import BINARY32, BINARY64, Precision
@@ -39,6 +38,8 @@ def _shortest_binary32(value: float) -> str:
 
     Reading a decimal into binary64 and rounding that would round twice; a C compiler rounds once.
     """
+    from fractions import Fraction  # binary64, the usual choice, starts without it
+
     exact = abs(Fraction(value))
     exponent = max(math.frexp(value)[1] - 24, -149)
     gap = Fraction(2) ** exponent

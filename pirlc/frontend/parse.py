@@ -18,7 +18,6 @@ from pirlc.frontend import syntax
 from pirlc.frontend.build import build
 from pirlc.frontend.describe import describe
 from pirlc.frontend.problems import Collector
-from pirlc.frontend.slips import explain_character, explain_token
 from pirlc.frontend.tables import parser
 from pirlc.source import SourceText, Span
 
@@ -63,6 +62,8 @@ def _declarations(text: str, collector: Collector) -> tuple[syntax.Declaration, 
 
 def _report(text: str, error: UnexpectedInput, collector: Collector) -> int:
     """Add the problem for lark's error; the offset where reading stopped."""
+    from pirlc.frontend.slips import explain_character, explain_token  # only mistakes pay for it
+
     match error:
         case UnexpectedCharacters():
             offset = error.pos_in_stream or 0
