@@ -32,7 +32,11 @@ _HEATS = ((32, 0.4), (10, 1.6), (4, 10.0))
 `Settings.episodes`."""
 
 _PLATEAU = 2
-"""Generations without any difference in return after which there is nothing to climb."""
+"""Generations without any difference in return after which programs get twice as many episodes:
+what is left to improve is rare."""
+
+_MOST_EPISODES = 160
+"""Of each program of a generation. No difference over so many: there is nothing left to climb."""
 
 
 def refine(search: Search, histories: HistorySet, programs: Sequence[Candidate]) -> Candidate:
@@ -44,7 +48,9 @@ def refine(search: Search, histories: HistorySet, programs: Sequence[Candidate])
     climbs = [_Climb(search, p, histories) for p in programs if p.values]
     rounds = 1 + max(0, len(climbs) - 1).bit_length()
     running = list(climbs)
-    for turn in range(rounds if climbs else 0):
+    for turn in range(rounds):
+        if not running:
+            break
         share = search.settings.refine_episodes // rounds // len(running)
         for number, climb in enumerate(running):
             search.progress(f"refine (round {turn + 1} of {rounds})", number, len(running))
@@ -54,15 +60,16 @@ def refine(search: Search, histories: HistorySet, programs: Sequence[Candidate])
         for climb, candidate in zip(running, reached, strict=True):
             search.keep("refine", candidate)
             climb.score = candidate.mean
-        running.sort(key=lambda climb: -climb.score)
-        running = running[: (len(running) + 1) // 2]
+        # One that has nothing left to climb needs no more episodes, and takes no other's place.
+        going = sorted((c for c in running if not c.finished), key=lambda climb: -climb.score)
+        running = going[: (len(running) + 1) // 2]
     samples = sorted((s for c in climbs for s in c.samples), key=lambda s: -s.mean)
     finalists = [*(c.centre for c in climbs if c.generation), *samples]
     for number, (kept, relative) in enumerate(_HEATS):
         episodes = max(1, round(relative * search.settings.episodes))
-        heat = search.simulate(finalists[:kept], f"heat {number + 1}", episodes)
+        heat = search.simulate(_admitted(finalists, kept), f"heat {number + 1}", episodes)
         finalists = sorted(heat, key=lambda candidate: -candidate.mean)
-    finalists += search.simulate(programs[:kept], f"heat {number + 1}", episodes)
+    finalists += search.simulate(programs, f"heat {number + 1}", episodes)
     for candidate in finalists:
         search.keep("validate", candidate)
     return choose(finalists)
@@ -90,6 +97,13 @@ def promising(search: Search) -> list[Candidate]:
     return sorted(chosen, key=lambda c: (-c.mean, c.size))
 
 
+def _admitted(ranked: Sequence[Candidate], count: int) -> list[Candidate]:
+    """The first of some programs, and the first of each structure, since shorter ones win ties."""
+    first = {id(c.expansion): c for c in reversed(ranked)}
+    chosen = [*ranked[:count], *first.values()]
+    return list({id(c): c for c in chosen}.values())
+
+
 class _Climb:
     """A run of CMA-ES on one structure, that can be taken up again."""
 
@@ -100,6 +114,7 @@ class _Climb:
         self.generation = 0
         self.score = start.mean
         self.samples: list[Candidate] = []
+        self._episodes = _EPISODES
         self._flat = 0
         self._names = [p.name for p in template.free]
         # CMA-ES wants at least two dimensions; a single parameter gets an idle companion.
@@ -122,23 +137,30 @@ class _Climb:
         """The program at the centre of the search distribution."""
         return self._candidate(np.asarray(self._optimizer.mean))
 
+    @property
+    def finished(self) -> bool:
+        return self._episodes > _MOST_EPISODES or bool(self._optimizer.should_stop())
+
     def advance(self, search: Search, episodes: int) -> None:
-        """Goes on for as many generations as fit into this many episodes."""
+        """Goes on for as many generations as fit into this many episodes, at least one."""
         size = self._optimizer.population_size
-        for _ in range(max(1, episodes // (size * _EPISODES))):
-            if self._optimizer.should_stop() or self._flat >= _PLATEAU:
-                return
+        while not self.finished:
             asked = [self._optimizer.ask() for _ in range(size)]
-            seeds = search.seeds(f"generation {self.generation}", _EPISODES)
+            seeds = search.seeds(f"generation {self.generation}", self._episodes)
             returns = search.returns(
                 self.start.expansion.template, [self._values(x) for x in asked], seeds
             )
             losses = -returns.mean(axis=1)
             self._optimizer.tell([(x, float(v)) for x, v in zip(asked, losses, strict=True)])
             self.generation += 1
-            self._flat = self._flat + 1 if np.ptp(losses) == 0.0 else 0
             best = int(np.argmin(losses))
             self.samples.append(self._candidate(asked[best]).with_returns(returns[best]))
+            episodes -= returns.size
+            self._flat = self._flat + 1 if np.ptp(losses) == 0.0 else 0
+            if self._flat == _PLATEAU:
+                self._episodes, self._flat = 2 * self._episodes, 0
+            if episodes < size * self._episodes:
+                return
 
     def _candidate(self, x: NDArray[np.float64]) -> Candidate:
         values = tuple(sorted(self._values(x).items()))
