@@ -130,22 +130,55 @@ def _ending(calls: dict[str, list[list[str]]]) -> set[str]:
 def _check_guarded(declared: Declared, ending: set[str], collector: Collector) -> None:
     """An alternative that is nothing but a rule adds nothing: such steps must not form a circle.
 
-    Rules that never end have been reported as such.
+    So is one that may be nothing but a rule, as in `R = 1 | Same(R)` with `Same(x) = x`. Rules
+    that never end have been reported as such.
     """
-    steps: dict[str, list[tuple[str, Span]]] = {}
-    for name, rule in declared.scope.rules.items():
-        steps[name] = []
-        for alternative in map(ungrouped, rule.alternatives):
-            match alternative:
-                case syntax.Name(text=text) if text in ending:
-                    steps[name].append((text, alternative.span))
-                case syntax.Call(name=called) if called.text in ending:
-                    steps[name].append((called.text, alternative.span))
-                case _:
-                    pass
+    rules = declared.scope.rules
+    passed = _passed_on(rules)
+    steps: dict[str, list[tuple[str, Span]]] = {
+        name: [
+            (target, alternative.span)
+            for alternative in map(ungrouped, rule.alternatives)
+            for target in _nothing_but(alternative, rules, passed)
+            if target in ending
+        ]
+        for name, rule in rules.items()
+    }
     for cycle in circles({name: [target for target, _ in to] for name, to in steps.items()}):
         span = next(span for target, span in steps[cycle[0]] if target == cycle[1])
         collector.add(problems.UnguardedRecursion(span, tuple(cycle)))
+
+
+def _nothing_but(
+    expression: Expression, rules: dict[str, syntax.Rule], passed: dict[str, set[int]]
+) -> Iterator[str]:
+    """The rules and local names that an expression may be, with nothing around them."""
+    match ungrouped(expression):
+        case syntax.Name(text=text):
+            yield text
+        case syntax.Call(name=called, arguments=arguments) if called.text in rules:
+            yield called.text
+            for number in sorted(passed[called.text]):
+                if number < len(arguments):
+                    yield from _nothing_but(arguments[number], rules, passed)
+        case _:
+            pass
+
+
+def _passed_on(rules: dict[str, syntax.Rule]) -> dict[str, set[int]]:
+    """For each rule the numbers of the arguments that it may be, with nothing around them."""
+    passed: dict[str, set[int]] = {name: set() for name in rules}
+    grown = True
+    while grown:
+        grown = False
+        for name, rule in rules.items():
+            formals = [formal.text for formal in rule.formals]
+            for alternative in rule.alternatives:
+                for found in list(_nothing_but(alternative, rules, passed)):
+                    if found in formals and formals.index(found) not in passed[name]:
+                        passed[name].add(formals.index(found))
+                        grown = True
+    return passed
 
 
 def _check_safe(action: ActionSpec, body: Term, sketch: Sketch, collector: Collector) -> None:

@@ -49,18 +49,22 @@ def canonical_form(template: ProgramTemplate) -> str:
     bounds = _bounds(template)
     bodies = [_sorted(body, bounds) for body in template.bodies]
     numbers = {name: f"?{i}{bounds[name]}" for i, name in enumerate(canonical_order(template))}
-    local_names: dict[str, str] = {}
-    for body in bodies:
-        for sub in subterms(body):
-            match sub:
-                case Let(name):
-                    local_names.setdefault(name, f"x{len(local_names)}")
-                case FoldLambda(element, accumulator):
-                    local_names.setdefault(element, f"x{len(local_names)}")
-                    local_names.setdefault(accumulator, f"x{len(local_names)}")
-                case _:
-                    pass
-    return "; ".join(_text(body, numbers, local_names) for body in bodies)
+    return "; ".join(_text(body, numbers, _local_names(body)) for body in bodies)
+
+
+def _local_names(body: Term) -> dict[str, str]:
+    """Numbers for an action's local names, which are unique in the action, in order."""
+    found: dict[str, str] = {}
+    for sub in subterms(body):
+        match sub:
+            case Let(name):
+                found.setdefault(name, f"x{len(found)}")
+            case FoldLambda(element, accumulator):
+                found.setdefault(element, f"x{len(found)}")
+                found.setdefault(accumulator, f"x{len(found)}")
+            case _:
+                pass
+    return found
 
 
 def _bounds(template: ProgramTemplate) -> dict[str, str]:
@@ -96,7 +100,7 @@ def _text(
         case DiscreteLiteral(value):
             return f"#{value}"
         case ParameterRef(name):
-            return parameters.get(name, name)
+            return parameters.get(name, f"p:{name}")
         case SensorRef(name):
             return f"s:{name}"
         case LocalRef(name):

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
-from pirlc.ir.expansion import Derivation
+from pirlc.ir.expansion import Derivation, calls
 from pirlc.ir.policy import Sketch
 from pirlc.ir.terms import LocalRef, RuleCall, Term, children, size, subterms
 
@@ -44,6 +44,7 @@ class Enumeration:
         self._uses: dict[tuple[str, int], tuple[bool, ...]] = {}
         self._count_call = lru_cache(maxsize=None)(self._count_call_uncached)
         self._kept: list[Term] = []
+        self._least = _least_derivations(sketch)
 
     def count(self, total: int) -> int:
         """How many combinations of derivations, one an action, have this total size."""
@@ -76,6 +77,27 @@ class Enumeration:
             shape = self._shape_of(alternative)
             for choices in self._sequences(shape.calls, total - shape.own):
                 yield Derivation(number, tuple(d for group in choices for d in group))
+
+    def frames(
+        self, call: RuleCall, total: int, inner: Derivation
+    ) -> Iterator[tuple[Derivation, int, RuleCall]]:
+        """Derivations of a call that have `inner` in place of a call of the same rule.
+
+        With its number among the children, and that call. `total` is their size without it.
+        """
+        for number, alternative in enumerate(self._rules[call.rule].alternatives):
+            shape = self._shape_of(alternative)
+            for position, place in enumerate(shape.calls):
+                if place.rule != call.rule:
+                    continue
+                settled = tuple(
+                    self._least[c.rule] for argument in place.arguments for c in calls(argument)
+                )
+                before, after = shape.calls[:position], shape.calls[position + 1 :]
+                for choices in self._sequences(before + after, total - shape.own):
+                    groups = (*choices[:position], (inner, *settled), *choices[position:])
+                    at = sum(len(group) for group in groups[:position])
+                    yield Derivation(number, tuple(d for g in groups for d in g)), at, place
 
     def own_size(self, term: Term) -> int:
         """The size of a term of the sketch apart from its outermost rule calls."""
@@ -131,24 +153,25 @@ class Enumeration:
         if not arguments:
             yield (), 0
             return
+        if not used[0]:
+            # What an argument computes that goes unused is no matter: one choice stands for all.
+            head = tuple(self._least[call.rule] for call in calls(arguments[0]))
+            for tail, cost in self._arguments(arguments[1:], used[1:], most):
+                yield head + tail, cost
+            return
         shape = self._shape_of(arguments[0])
-        for own_total in self._argument_sizes(shape, used[0], most):
-            cost = _argument_cost(own_total, used[0])
+        for own_total in self._argument_sizes(shape, most):
+            cost = _argument_cost(own_total)
             for choices in self._sequences(shape.calls, own_total - shape.own):
                 head = tuple(d for group in choices for d in group)
                 for tail, more in self._arguments(arguments[1:], used[1:], most - cost):
                     yield head + tail, cost + more
-                if not used[0]:
-                    break
 
-    def _argument_sizes(self, shape: _Shape, used: bool, most: int) -> Iterator[int]:
-        """The sizes an argument may have; of one that goes unused, the smallest only."""
-        largest = most - 1 if used else shape.own + 64
-        for total in range(1, max(largest, 1) + 1):
+    def _argument_sizes(self, shape: _Shape, most: int) -> Iterator[int]:
+        """The sizes that an argument may have."""
+        for total in range(1, max(most - 1, 1) + 1):
             if self._count_shapes(shape.calls, total - shape.own):
                 yield total
-                if not used:
-                    return
 
     def _count_all(self, shapes: list[_Shape], total: int) -> int:
         flat = tuple(call for shape in shapes for call in shape.calls)
@@ -178,12 +201,14 @@ class Enumeration:
                 continue
             costs = {0: 1}
             for argument, used in zip(call.arguments, self._used(call.rule, number), strict=True):
+                if not used:
+                    continue
                 inner = self._shape_of(argument)
                 after: dict[int, int] = {}
                 for spent, ways in costs.items():
-                    for own in self._argument_sizes(inner, used, total - shape.own - spent):
-                        cost = spent + _argument_cost(own, used)
-                        here = self._count_shapes(inner.calls, own - inner.own) if used else 1
+                    for own in self._argument_sizes(inner, total - shape.own - spent):
+                        cost = spent + _argument_cost(own)
+                        here = self._count_shapes(inner.calls, own - inner.own)
                         after[cost] = after.get(cost, 0) + ways * here
                 costs = after
             for cost, ways in costs.items():
@@ -204,6 +229,21 @@ class _Key:
         return isinstance(other, _Key) and other.call is self.call
 
 
-def _argument_cost(own: int, used: bool) -> int:
+def _argument_cost(own: int) -> int:
     """What binding an argument adds: nothing for a single name (its uses are counted already)."""
-    return 1 + own if used and own > 1 else 0
+    return 1 + own if own > 1 else 0
+
+
+def _least_derivations(sketch: Sketch) -> dict[str, Derivation]:
+    """For each rule a derivation with the fewest nested choices, the first such in the text."""
+    found: dict[str, Derivation] = {}
+    while True:
+        new: dict[str, Derivation] = {}
+        for rule in sketch.rules:
+            for number, alternative in enumerate(rule.alternatives):
+                needed = [call.rule for call in calls(alternative)]
+                if rule.key not in found and rule.key not in new and found.keys() >= set(needed):
+                    new[rule.key] = Derivation(number, tuple(found[key] for key in needed))
+        if not new:
+            return found
+        found.update(new)

@@ -22,6 +22,10 @@ from pirlc.simulation.rollout import Episode
 from pirlc.simulation.workers import collect_episodes, parallel_map
 from pirlc.tune import TuningProblem, tune
 
+_BATCH = 8
+"""Templates tuned between two looks at the budget; not a matter of how many processes there are,
+so that a budget ends at the same place for any number."""
+
 
 @dataclass(frozen=True, eq=False)
 class Imitation:
@@ -35,8 +39,9 @@ class Imitation:
     def digest(self) -> str:
         """Tells sets of histories apart."""
         found = sha256(self.labels.tobytes())
-        for name in sorted(self.histories.sensors):
-            found.update(np.ascontiguousarray(self.histories.sensors[name]).tobytes())
+        for columns in (self.histories.sensors, self.histories.previous):
+            for name in sorted(columns):
+                found.update(np.ascontiguousarray(columns[name]).tobytes())
         return found.hexdigest()
 
     def tune(self, search: Search, templates: Sequence[Neighbour], stage: str) -> list[Candidate]:
@@ -63,10 +68,9 @@ class Imitation:
             return [{"distance": t.distance, "values": t.values} for t in found]
 
         candidates = []
-        batch = 4 * search.workers
-        for done in range(0, len(problems), batch):
+        for done in range(0, len(problems), _BATCH):
             search.progress(f"tune ({stage})", done, len(problems))
-            part = slice(done, done + batch)
+            part = slice(done, done + _BATCH)
             results = search.journal.each("tune", problems[part], keys[part], run)
             for neighbour, found in zip(templates[part], results, strict=True):
                 values = tuple(sorted(found["values"].items()))

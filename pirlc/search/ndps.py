@@ -10,6 +10,8 @@ within each other's noise the shorter wins. `create_histories` and `update_histo
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 
 from pirlc.ir.expansion import Expansion, expand
@@ -18,7 +20,8 @@ from pirlc.search.canonical import canonical_form
 from pirlc.search.context import Search
 from pirlc.search.neighbourhood import Neighbour, neighbourhood
 from pirlc.search.objective import Objective
-from pirlc.search.observation import fingerprint, probes
+from pirlc.search.observation import GLANCE, fingerprint, probes
+from pirlc.semantics.histories import HistorySet
 
 
 def ndps(search: Search, objective: Objective, *, augment: bool) -> Candidate:
@@ -87,16 +90,29 @@ def distinct(search: Search, expansions: Iterable[Expansion]) -> Iterator[Expans
     """The first of those templates that are equal in form or by observation."""
     histories = probes(search.sketch.interface)
     forms: set[str] = set()
-    observed: set[str] = set()
+    alike: dict[str, list[_Observed]] = {}
     for expansion in expansions:
         form = canonical_form(expansion.template)
         if form in forms:
             continue
         forms.add(form)
-        seen = fingerprint(expansion.template, histories)
-        if seen not in observed:
-            observed.add(seen)
+        observed = _Observed(expansion, histories)
+        same_at_a_glance = alike.setdefault(fingerprint(expansion.template, histories, GLANCE), [])
+        if not any(other.closely == observed.closely for other in same_at_a_glance):
+            same_at_a_glance.append(observed)
             yield expansion
+
+
+@dataclass(frozen=True, eq=False)
+class _Observed:
+    """A template that is looked at closely only if another is like it at a glance."""
+
+    expansion: Expansion
+    histories: HistorySet
+
+    @cached_property
+    def closely(self) -> str:
+        return fingerprint(self.expansion.template, self.histories)
 
 
 def _enumerated(search: Search) -> Iterator[Expansion]:

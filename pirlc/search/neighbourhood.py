@@ -17,7 +17,7 @@ from itertools import islice
 
 from pirlc.ir.expansion import Derivation, Expansion, calls, expand
 from pirlc.ir.policy import Sketch
-from pirlc.ir.terms import RuleCall, Term
+from pirlc.ir.terms import LocalRef, RuleCall, Term, transform
 from pirlc.search.canonical import canonical_form
 from pirlc.search.enumeration import Enumeration
 
@@ -34,7 +34,10 @@ class Neighbour:
 
 @dataclass(frozen=True)
 class _Site:
-    """A rule call in a derivation: its path from the action, and the call it answers."""
+    """A rule call in a derivation: its path from the action, and the call it answers.
+
+    The call's arguments are in the words of the action: `R(x)` inside of `R(S)` is `R(S)` too.
+    """
 
     path: Path
     call: RuleCall
@@ -68,20 +71,21 @@ def neighbourhood(
     first neighbour is the program's own template.
     """
     sketch = enumeration.sketch
-    found = {
-        canonical_form(expansion.template): Neighbour(expansion, tuple(sorted(values.items())))
-    }
-    others: list[Neighbour] = []
+    own = Neighbour(expansion, tuple(sorted(values.items())))
+    own_form = canonical_form(expansion.template)
+    found: dict[str, Neighbour] = {}
     for edit in _edits(enumeration, expansion, growth, per_move):
         changed = expand(sketch, _replace_at(expansion.derivations, edit.path, edit.new))
         if changed.template.size > largest:
             continue
         form = canonical_form(changed.template)
-        if form not in found:
-            found[form] = Neighbour(changed, _carried(expansion, values, changed, edit))
-            others.append(found[form])
-    others.sort(key=lambda neighbour: neighbour.expansion.template.size)
-    return (next(iter(found.values())), *others)
+        if form == own_form:
+            continue
+        carried = _carried(expansion, values, changed, edit)
+        # Several edits may lead to one template; the one that keeps most of the program counts.
+        if form not in found or len(carried) > len(found[form].values):
+            found[form] = Neighbour(changed, carried)
+    return (own, *sorted(found.values(), key=lambda n: n.expansion.template.size))
 
 
 def _edits(
@@ -108,15 +112,10 @@ def _promotions(sketch: Sketch, site: _Site) -> Iterator[_Edit]:
 
 
 def _wraps(enumeration: Enumeration, site: _Site, growth: int) -> Iterator[_Edit]:
-    for total in range(1, growth + 6):
-        for frame in enumeration.of_call(site.call, total):
-            outer = _Site(site.path, site.call, frame)
-            for inner in _sites_below(enumeration.sketch, outer, deep=False):
-                if inner.call.rule != site.call.rule or inner.call.arguments != site.call.arguments:
-                    continue
-                hole = inner.path[len(site.path) :]
-                whole = _replace_in(frame, hole, site.derivation)
-                yield _Edit(site.path, whole, inner.path, site.path)
+    for total in range(growth + 6):
+        for frame, number, place in enumeration.frames(site.call, total, site.derivation):
+            if _seen_from(enumeration.sketch, site, place).arguments == site.call.arguments:
+                yield _Edit(site.path, frame, (*site.path, number), site.path)
 
 
 def _sites(sketch: Sketch, derivations: tuple[Derivation, ...]) -> Iterator[_Site]:
@@ -126,14 +125,35 @@ def _sites(sketch: Sketch, derivations: tuple[Derivation, ...]) -> Iterator[_Sit
 
 def _sites_below(sketch: Sketch, site: _Site, *, deep: bool = True) -> Iterator[_Site]:
     chosen = sketch.rule(site.call.rule).alternatives[site.derivation.alternative]
-    return _sites_in(sketch, chosen, site.derivation, site.path, deep=deep)
+    return _sites_in(sketch, chosen, site.derivation, site.path, deep=deep, around=site)
+
+
+def _seen_from(sketch: Sketch, site: _Site, call: RuleCall) -> RuleCall:
+    """A call in the rule that a site calls, with the site's arguments for the rule's own."""
+    rule = sketch.rule(site.call.rule)
+    meanings = {
+        name: argument
+        for (name, _), argument in zip(rule.parameters, site.call.arguments, strict=True)
+    }
+
+    def meant(term: Term) -> Term:
+        return meanings.get(term.name, term) if isinstance(term, LocalRef) else term
+
+    return replace(call, arguments=tuple(transform(a, meant) for a in call.arguments))
 
 
 def _sites_in(
-    sketch: Sketch, term: Term, derivation: Derivation, path: Path, *, deep: bool
+    sketch: Sketch,
+    term: Term,
+    derivation: Derivation,
+    path: Path,
+    *,
+    deep: bool,
+    around: _Site | None = None,
 ) -> Iterator[_Site]:
     for number, (call, child) in enumerate(zip(calls(term), derivation.children, strict=True)):
-        site = _Site((*path, number), call, child)
+        seen = call if around is None else _seen_from(sketch, around, call)
+        site = _Site((*path, number), seen, child)
         yield site
         if deep:
             yield from _sites_below(sketch, site)

@@ -20,8 +20,12 @@ from pirlc.search.canonical import canonical_order
 from pirlc.semantics.histories import HistorySet, histories_of
 from pirlc.semantics.vectorised import compile_plan
 
-_PROBES = 256
-_DRAWS = 4
+_PROBES = 48
+GLANCE, LOOK = 4, 40
+"""Draws of parameters: a glance tells most templates apart. To take two for equal needs a long
+look, since guards that hold nearly always or never make different templates look alike, the more
+so as signs may be flipped."""
+
 _MOST_FLIPPED = 4
 
 
@@ -47,7 +51,7 @@ def probes(interface: Interface, seed: int = 0) -> HistorySet:
     return histories_of(interface, trajectories)
 
 
-def fingerprint(template: ProgramTemplate, histories: HistorySet) -> str:
+def fingerprint(template: ProgramTemplate, histories: HistorySet, draws: int = LOOK) -> str:
     """Equal for templates that are observationally equal on these histories."""
     order = canonical_order(template)
     bounds = {p.name: (p.lower, p.upper) for p in template.free}
@@ -57,18 +61,22 @@ def fingerprint(template: ProgramTemplate, histories: HistorySet) -> str:
     for signs in product((1.0, -1.0), repeat=len(groups)):
         flipped = {name: sign for group, sign in zip(groups, signs, strict=True) for name in group}
         digest = sha256()
-        for draw_number in range(_DRAWS):
+        for draw_number in range(draws):
             rng = np.random.default_rng(draw_number)
             values = {}
             for name in order:
                 lower, upper = bounds[name]
-                # Spread over magnitudes, so that some draws make each sensor matter.
+                # Spread over magnitudes, so that some draws make each sensor matter; and over the
+                # bounds, so that templates that allow different numbers are different.
                 draw = rng.choice((-1.0, 1.0)) * 10.0 ** rng.uniform(-2.0, 2.0)
-                inside = lower < draw * flipped.get(name, 1.0) < upper
-                values[name] = draw if inside else rng.uniform(lower, upper)
+                part = rng.random()
+                inside = draw_number % 5 != 4 and lower < draw * flipped.get(name, 1.0) < upper
+                values[name] = draw if inside else lower * (1.0 - part) + upper * part
                 values[name] *= flipped.get(name, 1.0)
             outputs = plan.run(values, histories)
-            digest.update(np.ascontiguousarray(outputs.astype(np.float32)).tobytes())
+            with np.errstate(over="ignore"):
+                rounded = np.ascontiguousarray(outputs.astype(np.float32))
+            digest.update(rounded.tobytes())
         digests.append(digest.hexdigest())
     return min(digests)
 

@@ -35,7 +35,7 @@ _PLATEAU = 2
 """Generations without any difference in return after which programs get twice as many episodes:
 what is left to improve is rare."""
 
-_MOST_EPISODES = 160
+_MOST_EPISODES = 80
 """Of each program of a generation. No difference over so many: there is nothing left to climb."""
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from cmaes import CMA
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, lsq_linear, minimize
+from threadpoolctl import threadpool_limits
 
 from pirlc.ir.policy import Continuous
 from pirlc.symbolic.affine import DesignMatrices, affine_split
@@ -30,6 +31,12 @@ POLISHING = 40
 
 def tune(problem: TuningProblem, seed: int) -> Tuned:
     """The parameters found; a template without any is only scored."""
+    # Matrices this small are slower by several times with more threads of the linear algebra.
+    with threadpool_limits(1):
+        return _tune(problem, seed)
+
+
+def _tune(problem: TuningProblem, seed: int) -> Tuned:
     score = Score(problem)
     if not problem.names:
         return score.tuned(np.zeros(0))
@@ -123,7 +130,7 @@ class _LinearSolver:
         lower, upper = problem.lower[self._columns], problem.upper[self._columns]
         upper = np.maximum(upper, np.nextafter(lower, np.inf))
         counted = usable
-        for _ in range(4):
+        for _ in range(20):
             if np.count_nonzero(counted) < len(self._columns):
                 break
             fit = lsq_linear(matrix[counted], target[counted], (lower, upper), method="bvls")

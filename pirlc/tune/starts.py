@@ -50,7 +50,9 @@ def coordinates(problem: TuningProblem, objective: SmoothedObjective) -> Coordin
             scale[j] = (fixed[guard] or 1.0) / size[guard]
             if moved[guard].std() <= 1e-9 * size[guard]:
                 offsets.setdefault(guard, j)
-    return Coordinates(np.clip(scale, 1e-6, (problem.upper - problem.lower) / 2), offsets)
+    # A parameter whose bounds leave one value has a scale too: others are divided by it.
+    half = np.maximum(problem.upper / 2 - problem.lower / 2, 1e-6)
+    return Coordinates(np.clip(scale, 1e-6, half), offsets)
 
 
 def starts(

@@ -265,3 +265,17 @@ def test_rules_that_nest_deeply_are_diagnosed_or_read() -> None:
 def test_rule_call_is_a_reference() -> None:
     found = sketch("action A : [-1, 1] = R(2 * k)\nrule R(a) = a | R(a) + 1")
     assert found.bodies[0] == RuleCall("R", (body("2 * k"),), Real())
+
+
+@pytest.mark.parametrize(
+    "rules",
+    [
+        "rule R = peek(S, -1) | Limit(R)\nrule Limit(x) = x | clip(x, -1, 1)",
+        "rule R = peek(S, -1) | Same(Same(R))\nrule Same(x) = x",
+        "rule R = peek(S, -1) | First(R, 1)\nrule First(x, y) = y | Same(x)\nrule Same(x) = x",
+    ],
+)
+def test_an_alternative_that_may_be_the_rule_itself(rules: str) -> None:
+    text = f"policy p\nsensor S : [-1, 1] = 0\naction A : [-1, 1] = R\n{rules}\n"
+    with pytest.raises(PirlcError, match="E0402: the rule `R` is an alternative of itself"):
+        parse_sketch(SourceText("same", text))

@@ -212,3 +212,17 @@ def test_derivations_of_one_call() -> None:
         Derivation(2, (Derivation(2, (leaf, leaf)), leaf)),
     }
     assert len(list(enumeration.of_call(call, 5))) == 4
+
+
+@pytest.mark.parametrize("argument", ["R", "R + R", "Constant(R)"])
+def test_a_rule_may_call_itself_in_an_argument_that_goes_unused(argument: str) -> None:
+    sketch = sketch_of(f"""
+        action A : [-1, 1] = R
+        rule R = ?k | 1 + Constant({argument})
+        rule Constant(x) = ?c
+    """)
+    enumeration = Enumeration(sketch)
+    assert [enumeration.count(size) for size in range(1, 6)] == [1, 0, 1, 0, 0]
+    texts = [term_text(expand(sketch, d).template.bodies[0]) for d in enumeration.shortest_first(9)]
+    # Names that went to the argument that goes unused are not handed out again.
+    assert texts in (["A_k", "1 + A_c"], ["A_k", "1 + A_c_2"])

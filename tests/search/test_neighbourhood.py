@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import re
+import time
 
 import numpy as np
 import pytest
@@ -117,6 +118,56 @@ def test_promotion_takes_each_branch_with_its_values() -> None:
     assert "1.0 * peek(T, -1) + 1.25" in found
 
 
+def test_wrapping_keeps_the_program_in_either_branch() -> None:
+    sketch = sketch_of(SWITCHED)
+    start = at(sketch, Derivation(0, (Derivation(0, (Derivation(1),)),)))
+    own, new = "0.5 * peek(T, -1) + 0.75", "A_k{} * peek(S, -1)"
+    found = texts(neighbours(sketch, start, per_move=40))
+    assert found[0] == own
+    for guard in ("peek(S, -1) > A_c", "peek(T, -1) > A_d"):
+        assert f"if {guard} then {own} else {new.format('_2')}" in found
+        assert f"if {guard} then {new.format('')} else {own}" in found
+
+
+def test_one_part_is_regenerated_and_the_others_keep_their_values() -> None:
+    sketch = sketch_of(SWITCHED)
+    found = texts(neighbours(sketch, at(sketch, Derivation(0, (SIMPLE,)))))
+    law, other = "0.75 * peek(S, -1)", "1.0 * peek(T, -1) + 1.25"
+    assert f"if peek(T, -1) > A_d then {law} else {other}" in found
+    assert f"if peek(S, -1) > 0.5 then A_k * peek(T, -1) + A_b else {other}" in found
+    assert f"if peek(S, -1) > 0.5 then {law} else A_k_2 * peek(S, -1)" in found
+    assert (
+        f"if peek(S, -1) > 0.5 and peek(S, -1) > A_c_2 then {law} else {other}" in found
+        or f"if peek(S, -1) > A_c and peek(S, -1) > 0.5 then {law} else {other}" in found
+    )
+
+
+def test_a_wrapped_guard_computes_the_same_where_the_new_part_is_idle() -> None:
+    sketch = sketch_of(SWITCHED)
+    start = at(sketch, Derivation(0, (SIMPLE,)))
+    values = some_values(start)
+    histories = probes(sketch.interface)
+    expected = run(start.template, values, histories)
+    wrapped = 0
+    for neighbour in neighbours(sketch, start, values, per_move=30):
+        template = neighbour.expansion.template
+        carried = dict(neighbour.values)
+        new = [p.name for p in template.free if p.name not in carried]
+        holes = {name: origin.hole for name, origin in neighbour.expansion.origins}
+        if (
+            new
+            and all(holes[n] in "cd" for n in new)
+            and set(values.values()) <= set(carried.values())
+        ):
+            # A conjunct that always holds leaves the program as it was.
+            held = {**carried, **dict.fromkeys(new, -1e6)}
+            wrapped += 1
+            assert np.array_equal(run(template, held, histories), expected), term_text(
+                template.bodies[0]
+            )
+    assert wrapped >= 2
+
+
 def run(
     template: ProgramTemplate, values: dict[str, float], histories: HistorySet
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
@@ -178,3 +229,33 @@ def test_growth_and_size_are_limited() -> None:
     assert all(n.expansion.template.size <= limit for n in limited)
     assert len(neighbours(sketch, start, per_move=1)) < len(large)
     assert len(limited) < len(large)
+
+
+def test_a_rule_that_hands_its_argument_on_is_wrapped_and_promoted() -> None:
+    sketch = sketch_of("""
+        action A : [-1, 1] = Sum(S)
+        rule Sum(x) = ?k * peek(x, -1) | Sum(x) + ?l * peek(x, -2)
+    """)
+    leaf = Derivation(0)
+    short, long = (
+        at(sketch, Derivation(0, (derivation,))) for derivation in (leaf, Derivation(1, (leaf,)))
+    )
+    assert "0.5 * peek(S, -1) + A_l * peek(S, -2)" in texts(neighbours(sketch, short))
+    assert texts(neighbours(sketch, long))[:2] == [
+        "0.5 * peek(S, -1) + 0.75 * peek(S, -2)",
+        "0.5 * peek(S, -1)",
+    ]
+
+
+def test_rich_rules_below_one_that_does_not_recur_take_no_time() -> None:
+    sketch = sketch_of("""
+        action A : {0, 1} = Top
+        rule Top = if Guard then 1 else 0
+        rule Guard = Atom > 0 | Guard and Guard | Guard or Guard
+        rule Atom = peek(S, -1) | peek(T, -1) | ?k | Atom + Atom | Atom * Atom | abs(Atom)
+    """)
+    start = at(sketch, Derivation(0, (Derivation(0, (Derivation(0, (Derivation(0),)),)),)))
+    began = time.perf_counter()
+    assert len(neighbours(sketch, start)) > 10
+    # Enumerating all that the rules allow at these sizes takes minutes.
+    assert time.perf_counter() - began < 5.0

@@ -75,6 +75,13 @@ DIFFERENT = [
     ),
     ("previous(A) * ?k", f"{X} * ?k"),
     (r"fold(\v acc -> v * 2 + acc, S, 0)", r"fold(\v acc -> v + 2 * acc, S, 0)"),
+    # The same numbers within the bounds of one are those of the other, but not the other way round.
+    (f"?(k in [-100, 100]) * {X}", f"?(k in [-1000, 1000]) * {X}"),
+    (f"if {X} > ?c then 1 else 0", f"if {X} > ?c or {Y} > ?d and {X} > ?e then 1 else 0"),
+    (
+        f"if ?a * {X} > ?c then 1 else 0",
+        f"if ?a * {X} > ?c or ?b * {X} > ?d and ?e * {X} > ?f then 1 else 0",
+    ),
 ]
 
 
@@ -82,6 +89,24 @@ DIFFERENT = [
 def test_different(one: str, other: str) -> None:
     assert canonical_form(template(REAL + one)) != canonical_form(template(REAL + other))
     assert observed(REAL + one) != observed(REAL + other)
+
+
+def test_a_parameter_is_not_taken_for_a_local_name() -> None:
+    head = "param x0 = 3\n" + REAL
+    one, other = template(head + f"let e = {X} in e + 1"), template(head + f"let e = {X} in x0 + 1")
+    assert canonical_form(one) != canonical_form(other)
+
+
+def test_local_names_of_other_actions_are_others() -> None:
+    head = "action A : [-1, 1] = let x = 1 in let y = 2 in x + y\naction B : [-1, 1] = "
+    one = template(head + f"let y = {X} in let x = {Y} in y")
+    other = template(head + f"let x = {X} in let y = {Y} in y")
+    assert canonical_form(one) != canonical_form(other)
+
+
+def test_results_too_large_for_binary32_are_no_trouble(recwarn: pytest.WarningsRecorder) -> None:
+    observed(REAL + f"exp(?k * {X}) * exp(?l * {Y})")
+    assert not recwarn.list
 
 
 @pytest.mark.parametrize(
@@ -167,7 +192,8 @@ def signs(found: ProgramTemplate) -> list[NDArray[np.float64]]:
 
 
 @pytest.mark.parametrize(
-    ("kind", "largest", "merged"), [("several", 22, 0), ("atoms", 17, 5), ("unused", 13, 5)]
+    ("kind", "largest", "merged"),
+    [("several", 22, 0), ("atoms", 17, 5), ("unused", 13, 5), ("recursive", 36, 3)],
 )
 def test_what_is_merged_computes_the_same(kind: str, largest: int, merged: int) -> None:
     sketch = sketch_of(SHAPES[kind])
