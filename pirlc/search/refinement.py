@@ -65,14 +65,20 @@ def refine(search: Search, histories: HistorySet, programs: Sequence[Candidate])
         running = going[: (len(running) + 1) // 2]
     samples = sorted((s for c in climbs for s in c.samples), key=lambda s: -s.mean)
     finalists = [*(c.centre for c in climbs if c.generation), *samples]
-    for number, (kept, relative) in enumerate(_HEATS):
-        episodes = max(1, round(relative * search.settings.episodes))
-        heat = search.simulate(_admitted(finalists, kept), f"heat {number + 1}", episodes)
+    for number, (kept, relative) in enumerate(_HEATS, start=1):
+        heat = _heat(search, number, relative, _admitted(finalists, kept))
         finalists = sorted(heat, key=lambda candidate: -candidate.mean)
-    finalists += search.simulate(programs, f"heat {number + 1}", episodes)
+    finalists += _heat(search, len(_HEATS), _HEATS[-1][1], programs)
     for candidate in finalists:
         search.keep("validate", candidate)
     return choose(finalists)
+
+
+def _heat(
+    search: Search, number: int, relative: float, programs: Sequence[Candidate]
+) -> list[Candidate]:
+    episodes = max(1, round(relative * search.settings.episodes))
+    return search.simulate(programs, f"heat {number}", episodes)
 
 
 def promising(search: Search) -> list[Candidate]:

@@ -31,19 +31,20 @@ def natural_scales(
         raw, margins = form.run(at, histories)
         return np.concatenate([margins, raw.T])
 
-    here = rows(values)
-    guards = len(here) - len(ranges)
-    typical = np.concatenate([here[:guards].std(axis=1), ranges])
-    scales = []
-    for parameter in template.free:
-        value = values[parameter.name]
-        step = 1e-5 * max(abs(value), 1e-2 * (parameter.upper - parameter.lower), 1e-6)
-        moved = (rows({**values, parameter.name: value + step}) - here) / step
-        effect = np.sqrt(np.mean(moved**2, axis=1))
-        with np.errstate(all="ignore"):
+    # Far from sensible values a template may overflow; what is not finite is left out.
+    with np.errstate(all="ignore"):
+        here = rows(values)
+        guards = len(here) - len(ranges)
+        typical = np.concatenate([here[:guards].std(axis=1), ranges])
+        scales = []
+        for parameter in template.free:
+            value = values[parameter.name]
+            step = 1e-5 * max(abs(value), 1e-2 * (parameter.upper - parameter.lower), 1e-6)
+            moved = (rows({**values, parameter.name: value + step}) - here) / step
+            effect = np.sqrt(np.mean(moved**2, axis=1))
             needed = typical / effect
-        useful = needed[np.isfinite(needed) & (needed > 0.0)]
-        default = max(abs(value), 1e-2 * (parameter.upper - parameter.lower))
-        found = float(useful.min()) if useful.size else default
-        scales.append(min(found, (parameter.upper - parameter.lower) / 2 or 1.0))
+            useful = needed[np.isfinite(needed) & (needed > 0.0)]
+            default = max(abs(value), 1e-2 * (parameter.upper - parameter.lower))
+            found = float(useful.min()) if useful.size else default
+            scales.append(min(found, (parameter.upper - parameter.lower) / 2 or 1.0))
     return np.array(scales)
