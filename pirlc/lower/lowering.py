@@ -345,7 +345,7 @@ class _Lowering:
         sequence = self._sequence(term.sequence, scope, block)
         initial = self._named(term.initial, term.accumulator, scope, block)
         nested = any(isinstance(sub, Fold | FoldLambda) for sub in subterms(term.body))
-        if sequence.length <= UNROLLED and not nested:
+        if sequence.length == 1 or (sequence.length <= UNROLLED and not nested):
             folded = initial
             for place in range(sequence.length):
                 element = block.leaf(sequence.element(At(place), block), term.element)

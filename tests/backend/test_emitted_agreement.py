@@ -12,7 +12,7 @@ from pirlc.ir.operators import Operator
 from pirlc.ir.policy import Interface, Program
 from pirlc.ir.terms import Apply, LocalRef, SensorRef, Term, subterms, transform
 from pirlc.ir.types import Sequence
-from tests.backend.helpers import COMPILERS, NAMES, Run, bits, load_program
+from tests.backend.helpers import COMPILERS, NAMES, Run, bits, load_program, program_of
 from tests.support.observations import random_observations
 from tests.support.programs import random_program
 
@@ -105,3 +105,14 @@ def test_random_programs_in_c(real, tmp_path):
         compiler = COMPILERS[seed % len(COMPILERS)]
         run = Run(program, "c", real, tmp_path, compiler=compiler)
         assert_agrees(program, real, seed, [run], tmp_path)
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_folds_inside_folds_over_a_single_reading(real: str, tmp_path) -> None:
+    program = program_of(
+        "policy single\n"
+        "sensor X : [-1, 1] = 0\n"
+        r"action A : [-2, 2] safe 0 = fold(\v acc -> acc + v * fold(+, X), X, 1)"
+    )
+    forms = [Run(program, form, real, tmp_path) for form in ("python", "c")]
+    assert_agrees(program, real, 7, forms, tmp_path)
