@@ -11,6 +11,7 @@ import sys
 import time
 
 import pytest
+from joblib.externals.loky import get_reusable_executor
 
 from tests.support.command_line import ROOT
 
@@ -74,7 +75,10 @@ def point(here, monkeypatch):
     (here / "point_environment.py").write_text(ENVIRONMENT)
     (here / "point.pirl").write_text(SKETCH)
     monkeypatch.setenv("XDG_CACHE_HOME", str(here / "cache"))
-    return here
+    # Processes that an earlier test started would not find this folder's modules.
+    get_reusable_executor().shutdown(wait=True)
+    yield here
+    get_reusable_executor().shutdown(wait=True)
 
 
 SYNTH = ("synth", "point.pirl", "--trust", "--episodes", "20", "--workers", "1")
