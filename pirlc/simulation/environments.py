@@ -41,6 +41,9 @@ from pirlc.source import SourceText, Span
 Simulator = gym.Env[Any, Any]
 """An environment as Gymnasium has it."""
 
+OWN = {"pirlc/Torcs-v0": "pirlc.simulation.torcs.environment:Torcs"}
+"""Environments of this package, registered with Gymnasium when they are first asked for."""
+
 _RUNS_CODE = ("GymV21Environment-v0", "GymV26Environment-v0")
 """Environments whose own arguments name a module to import."""
 
@@ -105,12 +108,20 @@ def import_trusted(module: str) -> Any:
     return importlib.import_module(module)
 
 
+def register_own() -> None:
+    """Makes this package's environments known to ``gymnasium.make``."""
+    for name, entry_point in OWN.items():
+        if name not in gym.registry:
+            gym.register(name, entry_point)
+
+
 def make(environment: Environment, trust: bool = False) -> Simulator:
     """The environment, without Gymnasium's checker around it.
 
     Ids of the form ``module:id`` import that module, so they need `trust`. Raises PirlcError
     E0501 to E0504.
     """
+    register_own()
     name = environment.id
     arguments: dict[str, Any] = dict(environment.arguments)
     runs_code = ":" in name or name in _RUNS_CODE

@@ -1,0 +1,1 @@
+"""TORCS, the open racing car simulator, as an environment and as a place to race natively."""
