@@ -12,6 +12,7 @@ from pirlc.backend.names import check_names
 from pirlc.backend.numbers import RealType
 from pirlc.backend.problems import UnknownTarget, error
 from pirlc.backend.python import python_files
+from pirlc.backend.torcs import torcs_files
 from pirlc.ir.controller import Controller
 from pirlc.ir.policy import Program
 from pirlc.ir.printer import program_text
@@ -26,7 +27,7 @@ class Target(Protocol):
     ) -> tuple[GeneratedFile, ...]: ...
 
 
-TARGETS: dict[str, Target] = {"c": c_files, "python": python_files}
+TARGETS: dict[str, Target] = {"c": c_files, "python": python_files, "torcs": torcs_files}
 
 
 def emit(
@@ -43,11 +44,13 @@ def emit(
     check_names(program.interface, program.values)
     controller = lower(program)
     provenance = Provenance(program_text(program))
-    return tuple(
+    files = [
         file
         for target in dict.fromkeys(targets)
         for file in TARGETS[target](controller, real, provenance)
-    )
+    ]
+    # Two targets may write the same file: c's are part of torcs's.
+    return tuple(dict.fromkeys(files))
 
 
 def emit_to(

@@ -65,6 +65,39 @@ class NotAFolder:
     place: str
 
 
+@dataclass(frozen=True)
+class NoSuchReading:
+    """A sensor beyond TORCS's readings, of which there are `count`."""
+
+    sensor: str
+    index: int
+    count: int
+
+
+@dataclass(frozen=True)
+class NoSuchCommand:
+    """An action beyond the components of TORCS's commands."""
+
+    action: str
+    component: int
+    known: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class NotSteered:
+    """A program without some of the commands that every car needs."""
+
+    missing: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class DiscreteCommand:
+    """An action of few values where TORCS takes real numbers."""
+
+    action: str
+    command: str
+
+
 Problem = (
     BadIdentifier
     | UnknownTarget
@@ -75,6 +108,10 @@ Problem = (
     | UnknownParameter
     | NotWritable
     | NotAFolder
+    | NoSuchReading
+    | NoSuchCommand
+    | NotSteered
+    | DiscreteCommand
 )
 
 
@@ -142,6 +179,32 @@ def describe(problem: Problem) -> Diagnostic:
                 "E0712",
                 f"the output folder {place} is a file",
                 help="choose another folder with -o",
+            )
+        case NoSuchReading(sensor, index, count):
+            return Diagnostic(
+                "E0535",
+                f"sensor {sensor} reads component {index}, which TORCS does not have",
+                notes=(f"a car in TORCS has {count} readings, 0 to {count - 1}",),
+                help=f"`pirlc explain E0535` lists them; write {sensor} : [...] = 2 for the third",
+            )
+        case NoSuchCommand(action, component, known):
+            numbered = ", ".join(f"{name} ({k})" for k, name in enumerate(known))
+            return Diagnostic(
+                "E0536",
+                f"action {action} is component {component}, which TORCS does not have",
+                notes=(f"a car in TORCS takes {numbered}",),
+            )
+        case NotSteered(missing):
+            return Diagnostic(
+                "E0537",
+                f"no action of this program is the car's {' or '.join(missing)}",
+                notes=("a car in TORCS takes steer (0), accel (1) and, if there is one, brake (2)",),
+            )
+        case DiscreteCommand(action, command):
+            return Diagnostic(
+                "E0538",
+                f"action {action} has listed values, but is the car's {command}, a real number",
+                help=f"declare it as {action} : [{'-1' if command == 'steer' else '0'}, 1]",
             )
         case _:
             assert_never(problem)

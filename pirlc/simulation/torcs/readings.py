@@ -16,5 +16,8 @@ READINGS = (
 """Scaled: speeds are in 300 km/h, the angle in half turns (of 3.1416 rad), the engine's speed in
 1,000 rad/s, the wheels' in 100 rad/s, the beams in 200 m; `trackPos` is 1 at the left edge."""
 
+FIRST_BEAM = READINGS.index("track0")
+"""The readings from here on are the beams, the costly ones."""
+
 ACTIONS = ("steer", "accel", "brake")
 """Steering from -1 (right) to 1 (left), accelerator and brake from 0 to 1."""
