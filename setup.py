@@ -5,13 +5,14 @@ the wheel carries them inside it, where `pirlc.resources` finds them.
 from setuptools import find_packages, setup
 
 RESOURCES = {f"pirlc._resources.{name}": name for name in ("grammars", "templates", "runtime")}
+KINDS = ["**/*.lark", "**/*.j2", "**/*.[ch]", "**/*.cpp", "**/*.py"]
 
 setup(
     packages=[*find_packages(include=["pirlc", "pirlc.*"]), *RESOURCES],
     package_dir=RESOURCES,
     package_data={
         "pirlc": ["py.typed", "explanations/*.md"],
-        **{package: ["**/*.lark", "**/*.j2", "**/*.[ch]", "**/*.py"] for package in RESOURCES},
+        **{package: KINDS for package in RESOURCES},
     },
     include_package_data=False,
 )

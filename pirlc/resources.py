@@ -1,4 +1,4 @@
-"""Where the resource folders are.
+"""Where the resource folders and the user's cache are.
 
 The folders `grammars/`, `templates/` and `runtime/` stand beside the package in a checkout (and in
 an editable install); the wheel carries them inside the package, under `pirlc/_resources/`.
@@ -36,3 +36,10 @@ def runtime(target: str) -> Path:
 def explanations() -> Path:
     """The folder with one Markdown page for each diagnostic code."""
     return _PACKAGE / "explanations"
+
+
+def user_cache() -> Path:
+    """The folder of what pirlc keeps for this user, and can make again."""
+    from platformdirs import user_cache_dir
+
+    return Path(user_cache_dir("pirlc", appauthor=False))

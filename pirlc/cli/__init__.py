@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import click
 
 import pirlc
-from pirlc.cli import check, emit, explain, fmt, oracle, rollout, synth
+from pirlc.cli import check, emit, explain, fmt, oracle, rollout, synth, torcs
 from pirlc.cli.guard import guarded
 from pirlc.cli.session import Session
 
@@ -39,6 +39,7 @@ for _command in (
     emit.command,
     rollout.command,
     oracle.group,
+    torcs.group,
 ):
     program.add_command(_command)
 

@@ -16,7 +16,6 @@ from functools import cache
 from pathlib import Path
 
 import lark
-from platformdirs import user_cache_dir
 
 from pirlc import resources
 
@@ -27,9 +26,7 @@ def parser() -> lark.Lark:
     grammar = resources.grammar("pirl.lark").read_text(encoding="utf-8")
     key = "\n".join([lark.__version__, sys.version, grammar])
     digest = hashlib.sha256(key.encode()).hexdigest()[:20]
-    return cached_parser(
-        grammar, Path(user_cache_dir("pirlc", appauthor=False)) / f"parser-{digest}"
-    )
+    return cached_parser(grammar, resources.user_cache() / f"parser-{digest}")
 
 
 def cached_parser(grammar: str, file: Path) -> lark.Lark:

@@ -24,6 +24,7 @@ from pirlc.oracle.problems import (
     Unwritable,
     failure,
 )
+from pirlc.resources import user_cache
 
 MANIFEST, WEIGHTS = "manifest.json", "weights.safetensors"
 
@@ -50,9 +51,7 @@ def weight_bytes(network: Network) -> bytes:
 
 def default_cache() -> Path:
     """The folder of trained oracles in the user's cache."""
-    from platformdirs import user_cache_dir
-
-    return Path(user_cache_dir("pirlc", appauthor=False)) / "oracles"
+    return user_cache() / "oracles"
 
 
 def check_place(folder: Path) -> None:
