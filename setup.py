@@ -12,7 +12,7 @@ setup(
     package_dir=RESOURCES,
     package_data={
         "pirlc": ["py.typed", "explanations/*.md"],
-        **{package: KINDS for package in RESOURCES},
+        **dict.fromkeys(RESOURCES, KINDS),
     },
     include_package_data=False,
 )

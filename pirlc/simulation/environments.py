@@ -14,7 +14,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 
-from pirlc.diagnostics import Diagnostic, suggestion
+from pirlc.diagnostics import Diagnostic, PirlcError, suggestion
 from pirlc.ir.policy import ActionSpec, Choice, Continuous, Environment, Interface
 from pirlc.simulation.problems import (
     BadArguments,
@@ -145,6 +145,9 @@ def make(environment: Environment, trust: bool = False) -> Simulator:
         except (gym.error.UnregisteredEnv, gym.error.DeprecatedEnv) as error:
             similar = suggestion(plain, list(gym.registry))
             raise failure(UnknownEnvironment(name, similar)) from error
+        except PirlcError:
+            # This package's own environments say themselves what is wrong.
+            raise
         except Exception as error:
             if type(error) is gym.error.Error and str(error).startswith("Malformed"):
                 similar = suggestion(plain, list(gym.registry))
