@@ -7,10 +7,14 @@
    LOCK_STEP  the child sends a frame, waits for a command, applies it, and so on; the frame with a
               status other than RUNNING is the last.
    NATIVE     the child runs a compiled controller (the library that pirlc builds from emitted C)
-              and answers with a trace_header and the frames, at the end.
+              and answers with parts of a trace, each a trace_header and that many frames; the
+              last frame of the last part has a status other than RUNNING.
+   ROBOT      the same, driven by another robot of TORCS.
    TRACK      the parent itself answers with the edges of the track.
 
-   Both ends run on one machine and are built together: structures travel as they are in memory. */
+   Both ends run on one machine: structures travel as they are in memory. Hosts and drivers of one
+   PIRLC_PROTOCOL understand each other: new members take the place of spare ones, where 0 means
+   what was before. */
 #ifndef PIRLC_TORCS_PROTOCOL_H
 #define PIRLC_TORCS_PROTOCOL_H
 
@@ -50,13 +54,13 @@ typedef struct {
     uint32_t reward;
     int32_t laps;        /* 0: no end */
     int32_t most_steps;  /* 0: no limit */
-    int32_t slow_after;  /* steps after which driving slower than `slow` ends the race; < 0: never */
+    int32_t slow_after;  /* steps after which being slower than `slow` ends the race; < 0: never */
     int32_t backwards;   /* whether driving backwards ends it */
     int32_t parameters;
     int32_t components;  /* of the controller's action: 2 or 3 */
     int32_t beams;       /* 0: the beams are not needed */
     uint32_t blocked;    /* one bit a reading */
-    uint32_t padding;
+    uint32_t part;       /* frames of a trace that are sent at a time; 0: all, at the end */
     uint64_t seed;       /* of blocking and of noise */
     double slow;         /* km/h */
     double off_track;    /* |trackPos| from which on the race ends; infinite: never */
@@ -84,13 +88,14 @@ typedef struct {
     double fuel;      /* l */
     double collisions; /* steps so far in which the car touched a wall */
     double invalid;   /* 1 if TORCS does not count the current lap: a wall touched, a corner cut */
-    double command[PIRLC_ACTIONS]; /* what was applied from here on; NaN in a last frame */
+    double command[PIRLC_ACTIONS]; /* applied from here on; NaN in a last frame, and in lock-step */
     double readings[PIRLC_READINGS]; /* scaled, as the policy sees them; NaN: blocked */
 } pirlc_frame;
 
 typedef struct {
     double steer, accel, brake;
-    uint64_t leave; /* not 0: no command, the race is to end */
+    uint32_t leave; /* not 0: no command, the race is to end */
+    uint32_t processor; /* one more than the number of that to run on from now on; 0: any */
 } pirlc_command;
 
 typedef struct {

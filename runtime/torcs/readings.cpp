@@ -22,25 +22,46 @@ Point edge(tTrackSeg *segment, tdble to_start, int side) {
     place.toRight = place.toLeft = place.toMiddle = 0;
     tdble x, y;
     RtTrackLocal2Global(&place, &x, &y, side);
-    return {x, y};
+    return {static_cast<double>(x), static_cast<double>(y)};
+}
+
+/* In the unit of toStart: metres, or radians of a bend. */
+tdble extent(const tTrackSeg *segment) {
+    return segment->type == TR_STR ? segment->length : segment->arc;
 }
 
 size_t pieces_of(const tTrackSeg *segment) {
     if (segment->type == TR_STR) return 1;
-    const double radius = fmax(segment->radiusl, segment->radiusr);
+    const double radius = static_cast<double>(fmaxf(segment->radiusl, segment->radiusr));
     const double half = acos(fmax(0.0, 1.0 - SAGITTA / radius));
-    return (size_t)ceil(segment->arc / (2 * half));
+    return static_cast<size_t>(ceil(static_cast<double>(segment->arc) / (2 * half)));
 }
 
-/* Where the ray from `from` along (dx, dy) meets the line from a to b; negative if it does not. */
-double meeting(Point from, double dx, double dy, Point a, Point b) {
-    const double ex = b.x - a.x, ey = b.y - a.y;
-    const double across = dx * ey - dy * ex;
-    if (across == 0) return -1;
-    const double ax = a.x - from.x, ay = a.y - from.y;
-    const double along_edge = (ax * dy - ay * dx) / across;
-    if (along_edge < 0 || along_edge > 1) return -1;
-    return (ax * ey - ay * ex) / across;
+Point minus(Point a, Point b) {
+    return {a.x - b.x, a.y - b.y};
+}
+
+/* Positive if b points to the left of a. */
+double cross(Point a, Point b) {
+    return a.x * b.y - a.y * b.x;
+}
+
+double dot(Point a, Point b) {
+    return a.x * b.x + a.y * b.y;
+}
+
+/* How far along `ray`, from the origin, the line through a and b is. */
+double meeting(Point ray, Point a, Point b) {
+    const Point along = minus(b, a);
+    return cross(a, along) / cross(ray, along);
+}
+
+/* `at` if it is to the right of the line from a to b, else the nearest point there. */
+Point right_of(Point at, Point a, Point b) {
+    const Point along = minus(b, a);
+    const double beyond = cross(along, minus(at, a)) / dot(along, along);
+    if (beyond < 0) return at;
+    return {at.x + along.y * beyond, at.y - along.x * beyond};
 }
 
 double norm_pi(double angle) {
@@ -49,84 +70,93 @@ double norm_pi(double angle) {
 
 } // namespace
 
-Road::Road(tTrack *track) : first_(track->nseg), count_(track->nseg) {
+Road::Road(tTrack *track)
+    : first_(static_cast<size_t>(track->nseg)), count_(static_cast<size_t>(track->nseg)) {
     tTrackSeg *segment = track->seg->next; /* the list's head is the last segment */
     for (int i = 0; i < track->nseg; ++i, segment = segment->next) {
-        const size_t count = pieces_of(segment);
-        const double whole = segment->type == TR_STR ? segment->length : segment->arc;
-        first_[segment->id] = left_.size();
-        count_[segment->id] = count;
+        const size_t id = static_cast<size_t>(segment->id), count = pieces_of(segment);
+        const double whole = static_cast<double>(extent(segment));
+        first_[id] = left_.size();
+        count_[id] = count;
         for (size_t k = 0; k < count; ++k) {
-            const tdble to_start = (tdble)(whole * (double)k / (double)count);
-            left_.push_back(edge(segment, to_start, TR_TOLEFT));
-            right_.push_back(edge(segment, to_start, TR_TORIGHT));
+            const double to_start = whole * static_cast<double>(k) / static_cast<double>(count);
+            left_.push_back(edge(segment, static_cast<tdble>(to_start), TR_TOLEFT));
+            right_.push_back(edge(segment, static_cast<tdble>(to_start), TR_TORIGHT));
         }
     }
 }
 
 size_t Road::piece(const tTrkLocPos &at) const {
-    const double whole = at.seg->type == TR_STR ? at.seg->length : at.seg->arc;
-    const size_t count = count_[at.seg->id];
-    const double fraction = fmin(fmax(at.toStart / whole, 0.0), 1.0);
-    const size_t k = (size_t)(fraction * (double)count);
-    return first_[at.seg->id] + (k < count ? k : count - 1);
+    const size_t id = static_cast<size_t>(at.seg->id), count = count_[id];
+    const double done = static_cast<double>(at.toStart) / static_cast<double>(extent(at.seg));
+    const double fraction = fmin(fmax(done, 0.0), 1.0);
+    const size_t k = static_cast<size_t>(fraction * static_cast<double>(count));
+    return first_[id] + (k < count ? k : count - 1);
 }
 
 double Road::distance(const tTrkLocPos &at, Point from, double direction) const {
-    const size_t n = left_.size(), start = piece(at);
-    const double dx = cos(direction), dy = sin(direction);
-    /* The ray leaves the road through the first piece, in the order of the road, whose edge it
-       meets; it runs along the road forwards or, if the car stands askew, backwards. */
-    double nearest = RANGE;
-    for (int forwards = 1; forwards >= 0; --forwards) {
-        size_t i = start;
-        for (size_t walked = 0; walked < n; ++walked) {
-            const size_t next = i + 1 == n ? 0 : i + 1;
-            const double l = meeting(from, dx, dy, left_[i], left_[next]);
-            const double r = meeting(from, dx, dy, right_[i], right_[next]);
-            const double hit = l < 0 ? r : r < 0 ? l : fmin(l, r);
-            if (hit >= 0) {
-                nearest = fmin(nearest, hit);
-                break;
-            }
-            i = forwards ? next : i == 0 ? n - 1 : i - 1;
-            const double away_x = left_[i].x - from.x, away_y = left_[i].y - from.y;
-            const double across_x = right_[i].x - from.x, across_y = right_[i].y - from.y;
-            const double far = 4 * RANGE * RANGE;
-            if (away_x * away_x + away_y * away_y > far &&
-                across_x * across_x + across_y * across_y > far)
-                break;
-        }
+    const size_t n = left_.size(), start = piece(at), after = start + 1 == n ? 0 : start + 1;
+    const Point ray = {cos(direction), sin(direction)};
+    /* On the outside of a bend the road reaches a little beyond the pieces' chords. */
+    from = right_of(from, left_[start], left_[after]);
+    from = right_of(from, right_[after], right_[start]);
+    const auto left = [&](size_t i) { return minus(left_[i], from); };
+    const auto right = [&](size_t i) { return minus(right_[i], from); };
+
+    /* The ray goes from piece to piece, through the borders between them, until it misses a border:
+       there it has left the road through the side of the piece before. Backwards, if the car
+       stands askew, the sides change places. */
+    const bool forwards = cross(ray, left(after)) > 0 && cross(ray, right(after)) < 0;
+    const bool backwards = cross(ray, left(start)) < 0 && cross(ray, right(start)) > 0;
+    if (!forwards && !backwards) {
+        const bool to_left = cross(minus(left_[after], left_[start]), ray) > 0;
+        const bool to_right = cross(minus(right_[after], right_[start]), ray) < 0;
+        double nearest = RANGE;
+        if (to_left) nearest = fmin(nearest, meeting(ray, left(start), left(after)));
+        if (to_right) nearest = fmin(nearest, meeting(ray, right(start), right(after)));
+        return fmax(nearest, 0.0);
     }
-    return nearest;
+    size_t i = forwards ? after : start; /* the border just passed */
+    for (size_t passed = 0; passed < n; ++passed) {
+        if (dot(ray, left(i)) > RANGE && dot(ray, right(i)) > RANGE) break;
+        const size_t next = forwards ? (i + 1 == n ? 0 : i + 1) : (i == 0 ? n - 1 : i - 1);
+        const double l = cross(ray, left(next)), r = cross(ray, right(next));
+        if (forwards ? l <= 0 : l >= 0) return fmin(RANGE, meeting(ray, left(i), left(next)));
+        if (forwards ? r >= 0 : r <= 0) return fmin(RANGE, meeting(ray, right(i), right(next)));
+        i = next;
+    }
+    return RANGE;
 }
 
 double track_position(const tCarElt *car) {
-    return 2.0 * (double)car->_trkPos.toMiddle / (double)car->_trkPos.seg->width;
+    const tTrkLocPos &place = car->_trkPos;
+    return 2.0 * static_cast<double>(place.toMiddle) / static_cast<double>(place.seg->width);
 }
 
 double angle_to_road(const tCarElt *car) {
     tTrkLocPos place = car->_trkPos;
-    return norm_pi((double)RtTrackSideTgAngleL(&place) - (double)car->_yaw);
+    const double road = static_cast<double>(RtTrackSideTgAngleL(&place));
+    return norm_pi(road - static_cast<double>(car->_yaw));
 }
 
 void read(const tCarElt *car, const Road &road, bool beams, double *readings) {
     const double position = track_position(car);
-    readings[SPEED_X] = (double)car->_speed_x * 3.6 / 300.0;
+    readings[SPEED_X] = static_cast<double>(car->_speed_x) * 3.6 / 300.0;
     readings[ANGLE] = angle_to_road(car) / 3.1416;
     readings[TRACK_POS] = position;
-    readings[SPEED_Y] = (double)car->_speed_y * 3.6 / 300.0;
-    readings[SPEED_Z] = (double)car->_speed_z * 3.6 / 300.0;
-    readings[RPM] = (double)car->_enginerpm * 10.0 / 10000.0;
+    readings[SPEED_Y] = static_cast<double>(car->_speed_y) * 3.6 / 300.0;
+    readings[SPEED_Z] = static_cast<double>(car->_speed_z) * 3.6 / 300.0;
+    readings[RPM] = static_cast<double>(car->_enginerpm) * 10.0 / 10000.0;
     for (int i = 0; i < 4; ++i)
-        readings[WHEEL_SPIN + i] = (double)car->_wheelSpinVel(i) / 100.0;
-    const Point here = {car->_pos_X, car->_pos_Y};
+        readings[WHEEL_SPIN + i] = static_cast<double>(car->_wheelSpinVel(i)) / 100.0;
+    const double x = static_cast<double>(car->_pos_X), y = static_cast<double>(car->_pos_Y);
+    const double yaw = static_cast<double>(car->_yaw);
     for (int i = 0; i < BEAMS; ++i) {
         double metres = 0;
         if (beams) {
             /* The first beam looks to the left; angles in the plane grow to the left. */
-            const double direction = (double)car->_yaw - DEGREES[i] * (WHOLE / 360.0);
-            metres = fabs(position) > 1 ? -1 : road.distance(car->_trkPos, here, direction);
+            const double direction = yaw - DEGREES[i] * (WHOLE / 360.0);
+            metres = fabs(position) > 1 ? -1 : road.distance(car->_trkPos, {x, y}, direction);
         }
         readings[BEAM + i] = metres / 200.0;
     }

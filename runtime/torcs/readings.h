@@ -20,7 +20,7 @@ struct Point {
     double x, y;
 };
 
-/* The road as a chain of short pieces, each with its two edges. */
+/* The road as a ring of short pieces, each with its two edges. */
 class Road {
   public:
     explicit Road(tTrack *track);
@@ -35,7 +35,7 @@ class Road {
   private:
     size_t piece(const tTrkLocPos &at) const;
 
-    std::vector<Point> left_, right_; /* where piece i begins */
+    std::vector<Point> left_, right_;     /* where piece i begins */
     std::vector<size_t> first_, count_; /* of each segment's pieces, by the segment's id */
 };
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from pirlc.simulation.torcs.installation import HOST, Installation
+from pirlc.simulation.torcs.installation import HOST
 
 _ENGINE = """<?xml version="1.0" encoding="UTF-8"?>
 <params name="engine" type="template" mode="mw">
@@ -83,17 +83,12 @@ _DRIVER = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
-def race_files(
-    track: str,
-    category: str,
-    car: str,
-    laps: int,
-    index: int,
-    folder: Path,
-    installation: Installation,
-) -> Path:
-    """Writes TORCS's private settings into a folder; the path of the race's own file."""
-    del installation
+def race_files(track: str, category: str, car: str, laps: int, index: int, folder: Path) -> Path:
+    """Writes TORCS's private settings into a folder; the path of the race's own file.
+
+    TORCS's race is a lap longer than `laps`: it would end before the frame that tells of the last.
+    `index` numbers the robot's driver.
+    """
     q = quoteattr
     host = q(HOST)
     files = {

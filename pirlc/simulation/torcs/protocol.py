@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import struct
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import cached_property
 
@@ -53,8 +54,13 @@ FIRST_READING = COLUMN[READINGS[0]]
 FIRST_COMMAND = COLUMN["command_steer"]
 FRAME_BYTES = 8 * len(FRAME)
 
-COMMAND = struct.Struct("=dddQ")
+COMMAND = struct.Struct("=dddII")
+"""Steer, accel, brake; whether to leave; one more than the processor to run on, or 0."""
+
 TRACE_HEADER = struct.Struct("=Q")
+PART = 4096
+"""Frames of a trace that are sent at a time: a race that nobody waits for any more ends here."""
+
 _REQUEST = struct.Struct(f"=IIIiiiiiiiIIQddddd{MOST_PARAMS}d{_PATH}s")
 
 
@@ -77,6 +83,10 @@ class Conditions:
     grip: float = 1.0
     seed: int = 0
 
+    def limited(self, most_steps: int) -> Conditions:
+        """The same with another limit of steps."""
+        return replace(self, most_steps=most_steps)
+
 
 def request(
     kind: Kind,
@@ -87,9 +97,16 @@ def request(
     components: int = 2,
     beams: bool = True,
 ) -> bytes:
-    """The bytes that ask the host for something. `params` None: the controller's own."""
+    """The bytes that ask the host for something. `params` None: the controller's own.
+
+    Raises ValueError for more parameters, or a longer path, than fit into it.
+    """
     termination = conditions.termination
-    given = params or ()
+    given, path = params or (), os.fsencode(library)
+    if len(given) > MOST_PARAMS:
+        raise ValueError(f"{len(given)} parameters; a request has room for {MOST_PARAMS}")
+    if len(path) >= _PATH:
+        raise ValueError(f"a path of {len(path)} bytes; a request has room for {_PATH - 1}")
     return _REQUEST.pack(
         VERSION,
         kind,
@@ -102,7 +119,7 @@ def request(
         components,
         beams,
         sum(1 << READINGS.index(name) for name in conditions.blocked),
-        0,
+        PART,
         conditions.seed % 2**64,
         termination.slow,
         termination.off_track,
@@ -111,7 +128,7 @@ def request(
         conditions.grip,
         *given,
         *(0.0,) * (MOST_PARAMS - len(given)),
-        library.encode(),
+        path,
     )
 
 

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
+import math
 import os
 import select
 import shutil
 import signal
 import socket
+import struct
 import subprocess
 import tempfile
+import weakref
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,10 +36,15 @@ from pirlc.simulation.torcs.protocol import (
 )
 
 PATIENCE = 20.0
-"""Seconds without an answer after which TORCS counts as hanging: it answers in less than one."""
+"""Seconds without a word after which TORCS counts as hanging: it answers in less than one."""
 
 _ENDLESS = 10_000
 """Laps of a race that has no number of laps of its own."""
+
+_LONGEST = 1_000_000
+"""Steps after which TORCS cuts off a race that nothing else ends."""
+
+_RUNNING = float(Status.RUNNING)
 
 
 class TorcsDied(Exception):
@@ -53,6 +63,13 @@ class Robot:
     index: int
 
 
+ROBOTS = {
+    robot.name: robot
+    for robot in (Robot("berniw", 1), Robot("bt", 0), Robot("inferno", 1), Robot("olethros", 0))
+}
+"""The first driver of each kind that comes with TORCS."""
+
+
 @dataclass(frozen=True)
 class Course:
     """What a TORCS process is started for; `laps` 0: no end. `robot` None: whoever asks drives."""
@@ -65,88 +82,123 @@ class Course:
 
 
 class TorcsProcess:
-    """TORCS waiting on the grid; every race is a fork of it, so all start from the same state."""
+    """TORCS waiting on the grid; every race is a fork of it, so all start from the same state.
 
-    def __init__(self, installation: Installation, course: Course) -> None:
+    Ends with `close`, with this object, with this process however that ends, and with everything
+    raised in the middle of a conversation: after an error, make another. `patience`: seconds
+    without an answer after which it counts as hanging. Methods raise `TorcsDied`, `TorcsHangs`.
+    """
+
+    def __init__(
+        self, installation: Installation, course: Course, patience: float = PATIENCE
+    ) -> None:
         self.installation = installation
         self.course = course
-        self._folder = Path(tempfile.mkdtemp(prefix="pirlc-torcs-"))
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
-        ours.settimeout(PATIENCE)
-        self._socket = ours
-        race = race_files(course.track, course.category, course.car, course.laps or _ENDLESS,
-                          course.robot.index if course.robot else 1, self._folder, installation)
-        environment = {
-            **os.environ,
-            "LD_LIBRARY_PATH": str(installation.shared),
-            "PIRLC_TORCS_CHANNEL": str(theirs.fileno()),
-        }
-        if course.robot is not None:
-            module = installation.tree / "drivers" / course.robot.name / f"{course.robot.name}.so"
-            environment["PIRLC_TORCS_ROBOT"] = str(module)
-            environment["PIRLC_TORCS_ROBOT_NAME"] = course.robot.name
-            environment["PIRLC_TORCS_ROBOT_INDEX"] = str(course.robot.index)
-        command = [installation.binary, "-l", self._folder, "-L", installation.tree]
-        command += ["-D", installation.data, "-r", race]
+        self.patience = patience
+        folder = Path(tempfile.mkdtemp(prefix="pirlc-torcs-"))
         try:
-            with (self._folder / "log").open("wb") as log:
-                self._process = subprocess.Popen(
-                    command,
-                    cwd=installation.data,
-                    env=environment,
-                    stdin=subprocess.DEVNULL,
-                    stdout=log,
-                    stderr=subprocess.STDOUT,
-                    pass_fds=(theirs.fileno(),),
-                    start_new_session=True,
-                )
+            self._log = tempfile.TemporaryFile()  # noqa: SIM115
+            self._socket, self._process = _start(installation, course, folder, self._log)
+            for direction in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
+                self._socket.setsockopt(socket.SOL_SOCKET, direction, _interval(patience))
         except BaseException:
-            ours.close()
-            shutil.rmtree(self._folder, ignore_errors=True)
+            shutil.rmtree(folder, ignore_errors=True)
             raise
-        finally:
-            theirs.close()
+        self._folder: Path | None = folder
+        # Also at exit, and when nobody has this object any more.
+        self._owner = os.getpid()
+        self._end = weakref.finalize(
+            self, _end, self._owner, self._process, self._socket, self._log, folder
+        )
         self._racing = False
+        self._buffer = bytearray(FRAME_BYTES)
+        self._bytes = memoryview(self._buffer)
+        self._frame = np.frombuffer(self._buffer)
+        self.values = self._bytes.cast("d")
+        """The latest frame of a race in lock-step, as numbers."""
+        self._everywhere: frozenset[int] = frozenset()
+
+    @property
+    def pid(self) -> int:
+        """The number of the process on the grid, which is also that of its process group."""
+        return self._process.pid
+
+    def usable(self) -> bool:
+        """Whether a race can be begun: it lives, has nothing to tell, and is this process's own."""
+        if not self._end.alive or self._owner != os.getpid() or self._process.poll() is not None:
+            return False
+        waiting = select.poll()
+        waiting.register(self._socket, select.POLLIN)
+        return not waiting.poll(0)
 
     def begin(self, conditions: Conditions, beams: bool = True) -> NDArray[np.float64]:
-        """Start a race in lock-step; the first frame. A race under way is given up."""
+        """Start a race in lock-step; the first frame. A race under way is given up.
+
+        The frame is the same array at each step.
+        """
         self.leave()
         self._send(request(Kind.LOCK_STEP, conditions, self.course.laps, beams=beams))
-        self._racing = True
-        return self._frame()
+        allowed = os.sched_getaffinity(0)
+        self._everywhere = frozenset(allowed) if len(allowed) > 1 else frozenset()
+        self._receive_frame()
+        self._settled()
+        return self._frame
 
     def step(self, steer: float, accel: float, brake: float) -> NDArray[np.float64]:
         """Apply a command for one control interval; the frame after it."""
-        self._send(COMMAND.pack(steer, accel, brake, 0))
-        return self._frame()
+        if not self._racing:
+            raise ValueError("no race is under way")
+        if not self._everywhere:
+            self._send(COMMAND.pack(steer, accel, brake, 0, 0))
+            self._receive_frame()
+            return self._frame
+        # To wake another processor takes longer than the race's step: the race follows this thread,
+        # which stays where it is until it has the answer.
+        here = _processor()
+        try:
+            os.sched_setaffinity(0, (here,))
+            self._send(COMMAND.pack(steer, accel, brake, 0, here + 1))
+            self._receive_frame()
+        finally:
+            os.sched_setaffinity(0, self._everywhere)
+        return self._frame
 
     def leave(self) -> None:
         """Give up the race under way, if there is one."""
         if self._racing:
-            self._send(COMMAND.pack(0.0, 0.0, 0.0, 1))
             self._racing = False
+            self._send(COMMAND.pack(0.0, 0.0, 0.0, 1, 0))
 
     def race(
         self,
         conditions: Conditions,
-        library: Path,
+        library: Path | str,
         params: tuple[float, ...] | None,
         components: int,
         beams: bool = True,
     ) -> Trace:
-        """A whole race of a compiled controller."""
-        self.leave()
-        asked = request(
-            Kind.NATIVE, conditions, self.course.laps, str(library), params, components, beams
+        """A whole race of a compiled controller; `params` None: its own.
+
+        Where nothing else ends it, it is cut off after a million steps. Raises ValueError for
+        more parameters, or a longer path, than fit into a request.
+        """
+        return self._raced(
+            request(
+                Kind.NATIVE,
+                _bounded(conditions),
+                self.course.laps,
+                str(library),
+                params,
+                components,
+                beams,
+            )
         )
-        self._send(asked)
-        return self._trace()
 
     def race_robot(self, conditions: Conditions) -> Trace:
         """A whole race of the course's robot."""
-        self.leave()
-        self._send(request(Kind.ROBOT, conditions, self.course.laps))
-        return self._trace()
+        if self.course.robot is None:
+            raise ValueError("the course has no robot")
+        return self._raced(request(Kind.ROBOT, _bounded(conditions), self.course.laps))
 
     def track(self) -> tuple[NDArray[np.float64], float]:
         """The road: its edges, shape (n, 4), x and y (m) of the left and of the right one; and its
@@ -155,81 +207,184 @@ class TorcsProcess:
         self._send(request(Kind.TRACK, Conditions(), 0))
         (n,) = TRACE_HEADER.unpack(self._receive(TRACE_HEADER.size))
         edges = np.frombuffer(self._receive(n * 32)).reshape(n, 4)
-        return edges, float(np.frombuffer(self._receive(8))[0])
+        length = float(np.frombuffer(self._receive(8))[0])
+        self._settled()
+        return edges, length
 
     def close(self) -> None:
         """End the process and whatever it raced; again: nothing."""
-        self._socket.close()
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
-        shutil.rmtree(self._folder, ignore_errors=True)
+        self._racing = False
+        self._end()
 
-    def _trace(self) -> Trace:
-        (count,) = TRACE_HEADER.unpack(self._receive(TRACE_HEADER.size))
-        frames = np.frombuffer(self._receive(count * FRAME_BYTES)).reshape(count, len(FRAME))
-        self._check(frames[-1])
-        return Trace(frames)
+    def _raced(self, asked: bytes) -> Trace:
+        self.leave()
+        self._send(asked)
+        parts: list[NDArray[np.float64]] = []
+        while not parts or parts[-1][-1, 0] == _RUNNING:
+            (count,) = TRACE_HEADER.unpack(self._receive(TRACE_HEADER.size))
+            parts.append(np.frombuffer(self._receive(count * FRAME_BYTES)).reshape(-1, len(FRAME)))
+        self._settled()
+        self._check(parts[-1][-1, 0], parts[-1][-1, 2])
+        return Trace(parts[0] if len(parts) == 1 else np.concatenate(parts))
 
-    def _frame(self) -> NDArray[np.float64]:
-        frame = np.frombuffer(self._receive(FRAME_BYTES))
-        if frame[0] != Status.RUNNING:
-            self._racing = False
-            self._check(frame)
-        return frame
+    def _receive_frame(self) -> None:
+        self._receive_into(self._bytes)
+        status = self.values[0]
+        self._racing = status == _RUNNING
+        if not self._racing:
+            self._check(status, self.values[2])
 
-    def _check(self, last: NDArray[np.float64]) -> None:
-        if last[0] == Status.DIED:
-            status = int(last[2])
-            raise TorcsDied(_words(status))
+    def _settled(self) -> None:
+        """The first answer has come: TORCS has read its settings."""
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+            self._folder = None
+
+    def _check(self, status: float, said: float) -> None:
+        if status == Status.DIED:
+            self.close()
+            raise TorcsDied(f"the race's process ended in the middle of it: {_words(int(said))}")
 
     def _send(self, what: bytes) -> None:
         try:
             self._socket.sendall(what)
-        except TimeoutError:
+        except BlockingIOError:
             raise self._hangs() from None
         except OSError:
             raise self._died() from None
+        except BaseException:
+            self.close()
+            raise
 
-    def _receive(self, size: int) -> bytes:
-        parts = bytearray()
+    def _receive(self, size: int) -> bytearray:
+        place = bytearray(size)
+        self._receive_into(memoryview(place))
+        return place
+
+    def _receive_into(self, place: memoryview) -> None:
         try:
-            while len(parts) < size:
-                part = self._socket.recv(size - len(parts))
-                if not part:
-                    raise self._died()
-                parts += part
-        except TimeoutError:
+            got = self._socket.recv_into(place)
+            while 0 < got < len(place):
+                place = place[got:]
+                got = self._socket.recv_into(place)
+        except BlockingIOError:
             raise self._hangs() from None
         except OSError:
             raise self._died() from None
-        return bytes(parts)
+        except BaseException:
+            # Ctrl-C: what was asked is still to be answered, so nothing more can be said.
+            self.close()
+            raise
+        if not got and len(place):
+            raise self._died()
 
     def _hangs(self) -> TorcsHangs:
         self.close()
-        return TorcsHangs(f"no answer within {PATIENCE:g} s")
+        return TorcsHangs(f"TORCS gave no answer within {self.patience:g} s")
 
     def _died(self) -> TorcsDied:
+        if not self._end.alive:
+            return TorcsDied("TORCS was closed")
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout=1.0)
         status = self._process.returncode
-        last = self._last_words()
+        last = _last_words(self._log)
         self.close()
-        said = f"exit status {status}" if status is None or status >= 0 else f"signal {-status}"
-        return TorcsDied(said + (f"; it said: {last}" if last else ""))
+        known = "it closed its end" if status is None else _ending(status)
+        return TorcsDied(f"TORCS ended by itself: {known}" + (f"; it said: {last}" if last else ""))
 
-    def _last_words(self) -> str:
-        try:
-            lines = (self._folder / "log").read_text(errors="replace").split("\n")
-        except OSError:
-            return ""
-        told = [line.strip() for line in lines if line.strip()]
-        return told[-1] if told else ""
+
+def _start(
+    installation: Installation, course: Course, folder: Path, log: IO[bytes]
+) -> tuple[socket.socket, subprocess.Popen[bytes]]:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    ours.settimeout(None)  # whatever the default is: the kernel keeps the time
+    robot = course.robot
+    race = race_files(
+        course.track,
+        course.category,
+        course.car,
+        course.laps or _ENDLESS,
+        robot.index if robot else 1,
+        folder,
+    )
+    environment = {
+        **os.environ,
+        "LD_LIBRARY_PATH": str(installation.shared),
+        "PIRLC_TORCS_CHANNEL": str(theirs.fileno()),
+    }
+    if robot is not None:
+        module = installation.binary.parent / "drivers" / robot.name / f"{robot.name}.so"
+        environment["PIRLC_TORCS_ROBOT"] = str(module)
+        environment["PIRLC_TORCS_ROBOT_NAME"] = robot.name
+        environment["PIRLC_TORCS_ROBOT_INDEX"] = str(robot.index)
+    command: list[Path | str] = [installation.binary, "-l", folder, "-L", installation.tree]
+    command += ["-D", installation.data, "-r", race]
+    try:
+        process = subprocess.Popen(
+            command,
+            cwd=installation.data,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            pass_fds=(theirs.fileno(),),
+            start_new_session=True,  # the terminal's Ctrl-C is not for it
+        )
+    except BaseException:
+        ours.close()
+        raise
+    finally:
+        theirs.close()
+    return ours, process
+
+
+def _end(
+    owner: int,
+    process: subprocess.Popen[bytes],
+    channel: socket.socket,
+    log: IO[bytes],
+    folder: Path,
+) -> None:
+    channel.close()
+    log.close()
+    if os.getpid() != owner:  # a fork of whoever started it
+        return
+    if process.poll() is None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def _interval(seconds: float) -> bytes:
+    """A C struct timeval."""
+    whole = math.floor(seconds)
+    return struct.pack("ll", whole, round((seconds - whole) * 1e6))
+
+
+_processor = ctypes.CDLL(None).sched_getcpu
+
+
+def _bounded(conditions: Conditions) -> Conditions:
+    return conditions.limited(min(conditions.most_steps or _LONGEST, _LONGEST))
+
+
+def _last_words(log: IO[bytes]) -> str:
+    log.seek(0)
+    told = [line.strip() for line in log.read().decode(errors="replace").split("\n")]
+    return next((line for line in reversed(told) if line), "")
+
+
+def _ending(status: int) -> str:
+    """What subprocess's number of how a process ended says."""
+    if status >= 0:
+        return f"exit status {status}"
+    return f"signal {-status} ({signal.strsignal(-status) or 'unknown'})"
 
 
 def _words(status: int) -> str:
+    """The same of a number that wait() gives; negative: there was no process."""
     if status < 0:
-        return "the race could not be started"
-    if os.WIFSIGNALED(status):
-        return f"signal {os.WTERMSIG(status)}"
-    return f"exit status {os.waitstatus_to_exitcode(status)}"
+        return "it could not be started"
+    return _ending(os.waitstatus_to_exitcode(status))
