@@ -198,7 +198,7 @@ def describe(problem: Problem) -> Diagnostic:
             return Diagnostic(
                 "E0537",
                 f"no action of this program is the car's {' or '.join(missing)}",
-                notes=("a car in TORCS takes steer (0), accel (1) and, if there is one, brake (2)",),
+                notes=("a car in TORCS takes steer (0), accel (1) and perhaps brake (2)",),
             )
         case DiscreteCommand(action, command):
             return Diagnostic(

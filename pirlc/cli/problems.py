@@ -1,4 +1,4 @@
-"""The mistakes about files and about what a command is given (codes E0701 to E0709)."""
+"""The mistakes about files and about what a command is given (E0701 to E0709, E0731 to E0733)."""
 
 from __future__ import annotations
 
@@ -73,6 +73,30 @@ class OtherProgram:
     program: str
 
 
+@dataclass(frozen=True)
+class NoSuchRobot:
+    """A driver that does not come with TORCS."""
+
+    name: str
+    known: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class NothingToBlock:
+    """A name that is neither a reading of TORCS nor a sensor of the program."""
+
+    name: str
+    similar: str | None
+
+
+@dataclass(frozen=True)
+class RaceBrokeOff:
+    """`reason`: what is known of why the simulator did not finish the race."""
+
+    track: str
+    reason: str
+
+
 Problem = (
     Unreadable
     | NotText
@@ -83,6 +107,9 @@ Problem = (
     | UnknownCode
     | NoSketch
     | OtherProgram
+    | NoSuchRobot
+    | NothingToBlock
+    | RaceBrokeOff
 )
 
 _SHOWN = 6
@@ -157,6 +184,25 @@ def describe(problem: Problem) -> Diagnostic:
                 notes=("compiling it would run code that pirlc has not written",),
                 help="emit it again, or give its own program with --sketch; if you trust it as it "
                 "is, add --trust",
+            )
+        case NoSuchRobot(name, known):
+            return Diagnostic(
+                "E0731",
+                f"no robot {name!a} comes with TORCS",
+                help="these do: " + ", ".join(f"robot:{robot}" for robot in known),
+            )
+        case NothingToBlock(name, similar):
+            return Diagnostic(
+                "E0732",
+                f"{name!a} is neither a sensor of the program nor a reading of TORCS",
+                help=f"did you mean {similar}?" if similar else "readings are named trackPos, rpm",
+            )
+        case RaceBrokeOff(track, reason):
+            return Diagnostic(
+                "E0733",
+                f"the race on {track} broke off",
+                notes=(reason,),
+                help="`pirlc torcs doctor` says what is wrong with TORCS here",
             )
         case _:
             assert_never(problem)
