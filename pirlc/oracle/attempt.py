@@ -8,25 +8,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 import torch
-from gymnasium import spaces
-from numpy.typing import NDArray
 from stable_baselines3 import DDPG, DQN, PPO, SAC, TD3
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_util import make_vec_env
-from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv
 
 from pirlc.diagnostics import PirlcError, suggestion
+from pirlc.oracle.adapted import Adapted, scaling_of
 from pirlc.oracle.dueling import DuelingDoubleDQN, DuelingPolicy
+from pirlc.oracle.exploration import acting_from_the_start, exploration_of, set_bias
 from pirlc.oracle.export import export
 from pirlc.oracle.manifest import Json
 from pirlc.oracle.network import NetworkOracle, Scaling
 from pirlc.oracle.problems import BadHyperparameter, TrainingFailed, UnsupportedNetwork, failure
 from pirlc.oracle.training import FINALISTS, Candidate, Tell, Training
-from pirlc.simulation.environments import EnvironmentFacts, Simulator, make
+from pirlc.simulation.environments import make
 
 THREADS = 1
 """Of torch: two make networks of this size slower (measured, see docs/oracles.md)."""
@@ -42,7 +40,8 @@ _LEARNERS: dict[str, tuple[Any, Any]] = {
     "sac": (SAC, "MlpPolicy"),
     "ddpg": (DDPG, "MlpPolicy"),
 }
-_OURS = {"net_arch", "noise"}
+_EXPLORATION = {"noise", "drift", "fade", "bias"}
+_OURS = {"net_arch", *_EXPLORATION}
 """Hyperparameters that are not arguments of the learner's constructor as they stand."""
 _RESERVED = {
     *("self", "args", "kwargs", "policy", "env", "seed", "device", "verbose", "_init_setup_model"),
@@ -63,64 +62,24 @@ class Outcome:
 Evaluate = Callable[[NetworkOracle], float]
 
 
-class Adapted(gym.Wrapper[Any, Any, Any, Any]):
-    """An environment as a learner likes it: scaled binary32 observations, actions from 0."""
-
-    def __init__(self, simulator: Simulator, scaling: Scaling) -> None:
-        super().__init__(simulator)
-        self.scaling = scaling
-        shape = scaling.offset.shape
-        self.observation_space = spaces.Box(-np.inf, np.inf, shape, np.float32)
-        self.first = 0
-        if isinstance(simulator.action_space, spaces.Discrete):
-            self.first = int(simulator.action_space.start)
-            self.action_space = spaces.Discrete(int(simulator.action_space.n))
-
-    def _seen(self, observation: Any) -> NDArray[np.float32]:
-        x = np.asarray(observation, dtype=np.float32)
-        x = np.where(np.isfinite(x), x, np.float32(0))
-        scaled: NDArray[np.float32] = (x - self.scaling.offset) / self.scaling.scale
-        return scaled
-
-    def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:
-        observation, info = self.env.reset(**arguments)
-        return self._seen(observation), info
-
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        if isinstance(self.action_space, spaces.Discrete):
-            action = int(action) + self.first
-        observation, reward, terminated, truncated, info = self.env.step(action)
-        return self._seen(observation), reward, terminated, truncated, info
-
-
-def scaling_of(facts: EnvironmentFacts, scale: bool) -> Scaling:
-    """Onto [-1, 1] where the observation space is bounded; as it is elsewhere."""
-    low, high = np.array(facts.observation_lower), np.array(facts.observation_upper)
-    # Binary32's largest number stands for "unbounded" in some environments.
-    bounded = scale & (np.abs(low) < 1e30) & (np.abs(high) < 1e30) & (high > low)
-    with np.errstate(invalid="ignore", over="ignore"):
-        offset = np.where(bounded, low * 0.5 + high * 0.5, 0.0)
-        half = np.where(bounded, high * 0.5 - low * 0.5, 1.0)
-    return Scaling(offset.astype(np.float32), half.astype(np.float32))
-
-
 def run_attempt(
     training: Training, seed: int, evaluate: Evaluate, tell: Tell, trust: bool
 ) -> Outcome:
     """Train once from a seed. Raises PirlcError E0613, E0614, and what the environment raises."""
-    scaling = scaling_of(training.facts, training.settings.scale)
+    settings = training.settings
+    scaling = scaling_of(training)
     threads = torch.get_num_threads()
     torch.set_num_threads(THREADS)
     environments: VecEnv | None = None
     try:
         environments = make_vec_env(
-            lambda: Adapted(make(training.environment, trust), scaling),
-            n_envs=training.settings.copies,
+            lambda: Adapted(make(training.environment, trust), scaling, training),
+            n_envs=settings.copies,
             seed=seed,
         )
         learner = _learner(training, environments, seed)
         watch = _Watch(training, scaling, evaluate, tell)
-        learner.learn(training.settings.steps, callback=watch)
+        learner.learn(settings.steps, callback=watch)
         watch.judge()
     except (KeyboardInterrupt, PirlcError):
         raise
@@ -143,7 +102,7 @@ def _learner(training: Training, environments: VecEnv, seed: int) -> Any:
         accepted |= set(inspect.signature(learner.__base__.__init__).parameters)
     accepted = (accepted - _RESERVED) | {"net_arch"}
     if name in ("td3", "ddpg", "sac"):
-        accepted.add("noise")
+        accepted |= _EXPLORATION
     for key in given:
         if key not in accepted:
             reason = "Stable-Baselines3 has no argument of that name for it"
@@ -153,14 +112,19 @@ def _learner(training: Training, environments: VecEnv, seed: int) -> Any:
     }
     if "net_arch" in given:
         arguments["policy_kwargs"] = {"net_arch": given["net_arch"]}
-    if "noise" in given:
-        k = training.facts.components
-        arguments["action_noise"] = NormalActionNoise(np.zeros(k), np.full(k, given["noise"]))
+    exploration = exploration_of(training, given, seed)
+    if exploration.noise is not None:
+        arguments["action_noise"] = exploration.noise
+    if exploration.bias is not None:
+        learner = acting_from_the_start(learner)
     try:
-        return learner(policy, environments, seed=seed, device="cpu", **arguments)
+        made = learner(policy, environments, seed=seed, device="cpu", **arguments)
     except (TypeError, ValueError, AssertionError) as error:
         listed = ", ".join(sorted(given))
         raise failure(BadHyperparameter(name, listed, str(error), None)) from error
+    if exploration.bias is not None:
+        set_bias(made.policy, exploration.bias)
+    return made
 
 
 def _decoded(algorithm: str, key: str, value: Json) -> Any:
@@ -214,7 +178,8 @@ class _Watch(BaseCallback):
         if taken - self._told >= _TELL_EVERY:
             self._told = taken
             recent = [episode["r"] for episode in self.model.ep_info_buffer or ()]
-            mean = math.fsum(recent) / len(recent) if recent else None
+            scale = self.training.settings.reward_scale
+            mean = math.fsum(recent) / len(recent) / scale if recent else None
             self.tell(taken, mean, self.best[0][0] if self.best else None)
         if taken - self._judged >= self.training.settings.evaluate_every:
             return self.judge()

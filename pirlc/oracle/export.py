@@ -22,6 +22,7 @@ def export(
 ) -> NetworkOracle:
     """The acting network of a PPO, DQN, TD3, DDPG, SAC or dueling DQN policy.
 
+    A policy that was trained on wider actions than `actions` has them clipped.
     The most probable action stands for PPO's and SAC's distributions. A ValueError says why a
     policy is not a plain multilayer perceptron.
     """
@@ -41,7 +42,11 @@ def export(
         case DiscreteActions():
             head = Greedy(actions.values, rated)
         case BoxActions(lower, upper):
-            head = Bounded(lower, upper, squashed)
+            space = policy.action_space
+            learned = (tuple(map(float, space.low)), tuple(map(float, space.high)))
+            as_they_are = (tuple(map(_binary32, lower)), tuple(map(_binary32, upper)))
+            plain = not squashed or learned in (as_they_are, (lower, upper))
+            head = Bounded(lower, upper, squashed, None if plain else learned)
     return NetworkOracle(network, head)
 
 
@@ -89,6 +94,10 @@ def _folded(head: DuelingHead) -> tuple[NDArray[np.float32], NDArray[np.float32]
     wide = wide - wide.mean(axis=0) + _array(head.value.weight)
     offset = offset - offset.mean() + _array(head.value.bias)
     return wide.astype(np.float32), offset.astype(np.float32)
+
+
+def _binary32(number: float) -> float:
+    return float(np.float32(number))
 
 
 def _array(parameter: Any) -> NDArray[np.float32]:

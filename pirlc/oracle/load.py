@@ -22,7 +22,7 @@ from pirlc.oracle.called import (
     TorchScriptOracle,
     expected_actions,
 )
-from pirlc.oracle.manifest import Manifest, same_environment
+from pirlc.oracle.manifest import Manifest, usable_for
 from pirlc.oracle.network import Bounded, Greedy, NetworkOracle, Oracle
 from pirlc.oracle.problems import (
     DamagedOracle,
@@ -90,7 +90,7 @@ def load(
 def _load_folder(path: Path, environment: Environment, facts: EnvironmentFacts) -> LoadedOracle:
     stored = load_stored(path)
     trained = stored.manifest.environment
-    if not same_environment(trained, environment):
+    if not usable_for(trained, environment):
         raise failure(OtherEnvironment(str(path), _words(trained), _words(environment)))
     _fit(str(path), stored.oracle, facts)
     return LoadedOracle(stored.oracle, stored.manifest, str(path))

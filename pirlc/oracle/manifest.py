@@ -44,9 +44,26 @@ def environment_as_json(environment: Environment) -> dict[str, Json]:
     return {"id": environment.id, "arguments": dict(environment.arguments)}
 
 
-def same_environment(one: Environment, other: Environment) -> bool:
-    """Equal ids, and equal arguments in any order."""
-    return one.id == other.id and dict(one.arguments) == dict(other.arguments)
+_ANY_ARGUMENTS = ("pirlc/Torcs-v0",)
+"""Environments whose arguments change the task, but not what readings and actions mean."""
+_OF_THE_TASK = ("max_episode_steps",)
+"""Arguments that change no environment's readings and actions."""
+
+
+def usable_for(trained: Environment, wanted: Environment) -> bool:
+    """Whether an oracle of one environment may guide another, as far as their arguments tell.
+
+    Equal ids, and equal arguments in any order; but for the arguments that leave readings and
+    actions what they are: in pirlc/Torcs-v0 a driver for one track is a driver on any.
+    """
+
+    def telling(environment: Environment) -> dict[str, Scalar]:
+        given = dict(environment.arguments)
+        return {name: value for name, value in given.items() if name not in _OF_THE_TASK}
+
+    if trained.id != wanted.id:
+        return False
+    return trained.id in _ANY_ARGUMENTS or telling(trained) == telling(wanted)
 
 
 def to_json(manifest: Manifest) -> dict[str, Json]:
@@ -55,13 +72,15 @@ def to_json(manifest: Manifest) -> dict[str, Json]:
     match manifest.head:
         case Greedy(values, rated):
             head = {"kind": "greedy", "values": list(values), "rated": rated}
-        case Bounded(lower, upper, squashed):
+        case Bounded(lower, upper, squashed, reach):
             head = {
                 "kind": "bounded",
                 "lower": list(lower),
                 "upper": list(upper),
                 "squashed": squashed,
             }
+            if reach is not None:
+                head["reach"] = [list(reach[0]), list(reach[1])]
         case _:
             assert_never(manifest.head)
     return {
@@ -130,12 +149,14 @@ def _head(data: dict[str, Any]) -> Head:
             return Greedy(tuple(_integers(data, "values")), _get(data, "rated", bool))
         case "bounded":
             bounds = [_get(data, name, list) for name in ("lower", "upper")]
+            bounds += _get(data, "reach", list) if "reach" in data else []
             if not all(isinstance(x, int | float) for bound in bounds for x in bound):
                 raise ValueError("the manifest's action bounds are not numbers")
-            lower, upper = (tuple(float(x) for x in bound) for bound in bounds)
-            if len(lower) != len(upper):
+            lower, upper, *reach = (tuple(float(x) for x in bound) for bound in bounds)
+            if len({len(bound) for bound in bounds}) > 1 or len(reach) not in (0, 2):
                 raise ValueError("the manifest's action bounds differ in length")
-            return Bounded(lower, upper, _get(data, "squashed", bool))
+            reached = (reach[0], reach[1]) if reach else None
+            return Bounded(lower, upper, _get(data, "squashed", bool), reached)
         case other:
             raise ValueError(f"the manifest names an unknown kind of output, {other!r}")
 

@@ -96,12 +96,15 @@ class Greedy:
 class Bounded:
     """The outputs are the action's components.
 
-    `squashed`: through tanh and onto [lower, upper]; otherwise clipped to it.
+    `squashed`: through tanh and onto `reach`; then clipped to [lower, upper], which is all that is
+    done to others. `reach` is [lower, upper] unless it is given; a wider one makes the bounds
+    themselves easy to choose.
     """
 
     lower: tuple[float, ...]
     upper: tuple[float, ...]
     squashed: bool
+    reach: tuple[tuple[float, ...], tuple[float, ...]] | None = None
 
 
 Head = Greedy | Bounded
@@ -132,11 +135,12 @@ class NetworkOracle:
                 known = np.array(values, dtype=np.float64)
                 chosen: NDArray[np.float64] = known[outputs.argmax(axis=1)].reshape(-1, 1)
                 return chosen
-            case Bounded(lower, upper, squashed):
+            case Bounded(lower, upper, squashed, reach):
                 low, high = np.asarray(lower), np.asarray(upper)
                 wide: NDArray[np.float64] = outputs.astype(np.float64)
                 if squashed:
-                    wide = low + 0.5 * (np.tanh(wide) + 1.0) * (high - low)
+                    least, most = map(np.asarray, reach or (lower, upper))
+                    wide = least + 0.5 * (np.tanh(wide) + 1.0) * (most - least)
                 within: NDArray[np.float64] = np.minimum(np.maximum(wide, low), high)
                 return within
             case _:

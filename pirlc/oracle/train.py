@@ -39,7 +39,10 @@ from pirlc.simulation.environments import EnvironmentFacts, make
 from pirlc.simulation.rollout import estimate, run_returns
 
 SELECTION_SEEDS = range(500_000, 500_100)
-"""The episodes that policies are judged by while they are trained: a `Candidate`'s return."""
+"""The episodes that policies are judged by while they are trained: a `Candidate`'s return.
+
+`Settings.episodes` says how many of them are used, and of the other two in proportion.
+"""
 RUN_OFF_SEEDS = range(520_000, 520_300)
 """The episodes that decide among the best of them."""
 SCORE_SEEDS = range(510_000, 510_100)
@@ -126,7 +129,7 @@ def train(
             return math.fsum(run_returns(simulator, oracle, seeds)) / len(seeds)
 
         def evaluate(oracle: NetworkOracle) -> float:
-            return mean_return(oracle, SELECTION_SEEDS)
+            return mean_return(oracle, SELECTION_SEEDS[: settings.episodes])
 
         best: list[Candidate] = []
         steps = attempt = 0
@@ -143,8 +146,9 @@ def train(
         kept = best[0]
         if settings.enough is None or kept[0] < settings.enough:
             # Rare failures hide from a hundred episodes, and the luckiest looks best on them.
-            kept = max(best, key=lambda candidate: mean_return(candidate[1], RUN_OFF_SEEDS))
-        score = estimate(run_returns(simulator, kept[1], SCORE_SEEDS))
+            seeds = RUN_OFF_SEEDS[: 3 * settings.episodes]
+            kept = max(best, key=lambda candidate: mean_return(candidate[1], seeds))
+        score = estimate(run_returns(simulator, kept[1], SCORE_SEEDS[: settings.episodes]))
     finally:
         simulator.close()
     if report is not None:

@@ -13,7 +13,7 @@ import pytest
 from pirlc.diagnostics import PirlcError, render
 from pirlc.ir.policy import Environment
 from pirlc.oracle.load import load
-from pirlc.oracle.manifest import Manifest, from_json, to_json
+from pirlc.oracle.manifest import Manifest, from_json, to_json, usable_for
 from pirlc.oracle.network import Bounded, Greedy, Head, Network, NetworkOracle, Scaling
 from pirlc.oracle.store import StoredOracle, list_stored, load_stored, save_oracle
 from pirlc.simulation.environments import facts
@@ -262,6 +262,18 @@ def test_oracles_of_other_environments(tmp_path: Path) -> None:
     )
 
 
+def test_the_length_of_episodes_makes_no_other_environment(tmp_path: Path) -> None:
+    folder = str(stored(tmp_path / "o", PENDULUM).folder)
+    short = Environment("Pendulum-v1", (("max_episode_steps", 50), ("g", 9.5)))
+    assert load(folder, short, facts(short)).manifest is not None
+
+
+def test_a_driver_for_one_track_is_a_driver_on_any() -> None:
+    trained = Environment("pirlc/Torcs-v0", (("track", "aalborg"), ("reward", "progress")))
+    assert usable_for(trained, Environment("pirlc/Torcs-v0", (("laps", 3),)))
+    assert not usable_for(trained, Environment("Pendulum-v1", trained.arguments))
+
+
 def test_folders_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("years of work")
@@ -311,12 +323,12 @@ def test_a_full_disk_leaves_the_old_oracle(tmp_path: Path) -> None:
 def test_every_code_has_its_page() -> None:
     import re
 
-    from pirlc.oracle import problems as of_oracles
+    from pirlc import oracle, simulation
     from pirlc.resources import explanations
-    from pirlc.simulation import problems as of_simulation
 
-    for module, letter in ((of_simulation, "E05"), (of_oracles, "E06")):
-        assert module.__file__ is not None
-        used = set(re.findall(r'"(E\d{4})"', Path(module.__file__).read_text()))
+    for package, letter in ((simulation, "E05"), (oracle, "E06")):
+        (folder,) = map(Path, package.__path__)
+        texts = [file.read_text() for file in folder.rglob("*problems.py")]
+        used = {code for text in texts for code in re.findall(r'"(E\d{4})"', text)}
         pages = {page.stem for page in explanations().glob(f"{letter}*.md")}
         assert used == pages

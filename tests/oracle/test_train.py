@@ -74,7 +74,8 @@ def test_networks_act_as_the_policies_that_they_were_made_from(algorithm: str) -
     import torch
     from stable_baselines3.common.vec_env import DummyVecEnv
 
-    from pirlc.oracle.attempt import Adapted, _learner, scaling_of
+    from pirlc.oracle.adapted import Adapted, scaling_of
+    from pirlc.oracle.attempt import _learner
     from pirlc.oracle.export import export
     from pirlc.simulation.environments import make
 
@@ -84,8 +85,8 @@ def test_networks_act_as_the_policies_that_they_were_made_from(algorithm: str) -
         except PirlcError as error:
             assert error.diagnostics[0].code == "E0612"
             continue
-        scaling = scaling_of(training.facts, True)
-        simulator = Adapted(make(environment), scaling)
+        scaling = scaling_of(training)
+        simulator = Adapted(make(environment), scaling, training)
         learner = _learner(training, DummyVecEnv([lambda: simulator]), 5)  # noqa: B023
         for parameter in learner.policy.parameters():
             # Larger than at the start, so that actions differ and saturate.
