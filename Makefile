@@ -21,7 +21,7 @@ synth: $(VENV)/installed
 	@$(BIN)/pirlc synth examples/cartpole.pirl -o runs/cartpole
 
 test: lint
-	@$(BIN)/python -m pytest -q $(PYTEST_ARGS)
+	@$(BIN)/python -m pytest -q -rs $(PYTEST_ARGS)
 
 lint: $(VENV)/installed-dev
 	@$(BIN)/ruff check --quiet .

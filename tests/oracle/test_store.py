@@ -323,12 +323,12 @@ def test_a_full_disk_leaves_the_old_oracle(tmp_path: Path) -> None:
 def test_every_code_has_its_page() -> None:
     import re
 
-    from pirlc import oracle, simulation
+    import pirlc
     from pirlc.resources import explanations
 
-    for package, letter in ((simulation, "E05"), (oracle, "E06")):
-        (folder,) = map(Path, package.__path__)
-        texts = [file.read_text() for file in folder.rglob("*problems.py")]
-        used = {code for text in texts for code in re.findall(r'"(E\d{4})"', text)}
+    assert pirlc.__file__ is not None
+    texts = [file.read_text() for file in Path(pirlc.__file__).parent.rglob("*problems.py")]
+    for letter in ("E05", "E06"):
+        used = {code for text in texts for code in re.findall(rf'"({letter}\d\d)"', text)}
         pages = {page.stem for page in explanations().glob(f"{letter}*.md")}
         assert used == pages

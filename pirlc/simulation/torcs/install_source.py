@@ -142,6 +142,7 @@ def _private_apt(folder: Path, stanzas: list[str]) -> dict[str, str]:
         "Dir::State::lists": state / "lists",
         "Dir::Cache": state / "cache",
         "APT::Sandbox::User": "root",
+        "Acquire::Retries": 1,
     }
     text = known + "".join(f'{name} "{value}";\n' for name, value in settings.items())
     (state / "apt.conf").write_text(text, encoding="utf-8")
@@ -194,14 +195,12 @@ def _size(folder: Path) -> int:
 
 
 def _reasons(said: str) -> tuple[str, ...]:
-    """What apt gives as errors, or else as warnings."""
-    lines = [line.strip() for line in said.splitlines()]
-    for start in ("E: ", "W: "):
-        found = [line.removeprefix(start) for line in lines if line.startswith(start)]
-        failed = [line for line in found if line.startswith("Failed to fetch")]
-        if failed or found:
-            return tuple(f"apt says: {line}" for line in (failed + found)[:3])
-    return ("apt gives no reason",)
+    """What apt could not fetch, then its errors."""
+    lines = [line.strip() for line in said.splitlines() if line.startswith(("E: ", "W: "))]
+    failed = [line[3:] for line in lines if line[3:].startswith("Failed to fetch")]
+    errors = [line[3:] for line in lines if line.startswith("E: ") and line[3:] not in failed]
+    found = tuple(dict.fromkeys([*failed[:2], *errors]))
+    return tuple(f"apt says: {line}" for line in found[:3]) or ("apt gives no reason",)
 
 
 def unpack(archive: Path, headers: Path, told: Fraction) -> None:
