@@ -13,10 +13,11 @@ from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from pirlc.backend.emit import emit
 from pirlc.backend.files import not_writable, write, write_text
-from pirlc.backend.policies import c_controller, python_controller
+from pirlc.backend.policies import c_controller
 from pirlc.backend.toolchain import find_compiler
 from pirlc.diagnostics import Diagnostic, PirlcError, Severity
 from pirlc.frontend import check
@@ -75,7 +76,11 @@ def synthesize(
     run = open_run(request.folder, asked_of(request))
     write_text(run.folder / "sketch.pirl", request.source.text)
     oracle = _oracle(request, environment, known, tell_training)
-    with _journal(request, run) as journal, _recorder(run.candidates) as record:
+    with (
+        _journal(request, run) as journal,
+        _recorder(run.candidates) as record,
+        TemporaryDirectory(prefix="pirlc-") as libraries,
+    ):
         search = Search(
             sketch,
             environment,
@@ -85,6 +90,8 @@ def synthesize(
             tell,
             record,
             request.trust,
+            Path(libraries) if known.native else None,
+            known.deterministic,
         )
         found = find_program(search, oracle.oracle if oracle else None, request.plan)
         spent = Spent(
@@ -184,15 +191,20 @@ def _evaluate(
     }
     if oracle is not None:
         subjects["oracle"] = Ready(oracle.oracle)
-    if found.imitated is not None and request.plan.refine:
-        subjects["without refinement"] = python_controller(found.imitated.program)
-    seeds = range(FIRST_EVALUATION_SEED, FIRST_EVALUATION_SEED + request.episodes)
+    imitated = found.imitated
+    if imitated is not None and request.plan.refine:
+        subjects["without refinement"] = search.policy(
+            imitated.expansion.template, dict(imitated.values)
+        )
+    count = search.episodes(request.episodes)
+    seeds = range(FIRST_EVALUATION_SEED, FIRST_EVALUATION_SEED + count)
     returns: dict[str, ReturnEstimate] = {}
     search.journal.lift_budget()
     try:
         for number, (name, subject) in enumerate(subjects.items()):
             search.progress(f"evaluate ({name})", number, len(subjects))
-            returns[name] = estimate(search.evaluate(name, subject, program_text(program), seeds))
+            rewards = search.evaluate(name, subject, program_text(program), seeds)
+            returns[name] = estimate(rewards, deterministic=search.deterministic)
     except KeyboardInterrupt:
         return returns, Ending.INTERRUPTED
     return returns, found.ending

@@ -6,19 +6,21 @@ of parameter values run on it. Factories are picklable, so that worker processes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pirlc.backend.files import Provenance
 from pirlc.backend.numbers import RealType
 from pirlc.backend.python import gives_int, python_text
-from pirlc.backend.toolchain import CController, Compiler, build, find_compiler, load
+from pirlc.backend.problems import UnknownParameter, error
+from pirlc.backend.toolchain import FLAGS, CController, Compiler, build, find_compiler, load
 from pirlc.ir.controller import Controller
 from pirlc.ir.policy import FreeParameter, Program, ProgramTemplate
 from pirlc.lower import lower
+from pirlc.simulation.policy import Compiled
 
 if TYPE_CHECKING:
     from pirlc.ir.observation import Observation
@@ -75,14 +77,18 @@ def python_controller(
 
     A template's free parameters start at their guesses, or within their bounds next to zero.
     """
-    if isinstance(program, ProgramTemplate):
-        program = program.close({p.name: _start(p) for p in program.free})
-    controller = lower(program)
+    controller = lower(_closed(program))
     return PythonController(
         text=python_text(controller, real, Provenance(program.interface.name)),
         names=tuple(name for name, _ in controller.parameters),
         single=gives_int(controller),
     )
+
+
+def _closed(program: Program | ProgramTemplate) -> Program:
+    if isinstance(program, Program):
+        return program
+    return program.close({p.name: _start(p) for p in program.free})
 
 
 def _start(parameter: FreeParameter) -> float:
@@ -97,11 +103,23 @@ def python_policy(program: Program, real: RealType = "double") -> PythonPolicy:
 
 
 class CPolicy:
-    """An instance of an emitted C controller, compiled and loaded."""
+    """An instance of an emitted C controller, compiled; loaded only if it is asked to act here.
 
-    def __init__(self, controller: CController) -> None:
-        self.controller = controller
-        self.reset = controller.reset
+    A simulator that loads the library itself needs no more than `compiled`.
+    """
+
+    def __init__(self, made: CControllerFactory, values: Mapping[str, float]) -> None:
+        self._made = made
+        self._values = values
+        self.compiled = Compiled(str(made.library), made.params(values), made.reads)
+
+    @cached_property
+    def controller(self) -> CController:
+        loaded = CController(load(self._made.library), self._made.controller, self._made.real)
+        return loaded.with_params(self._values) if self._values else loaded
+
+    def reset(self) -> None:
+        self.controller.reset()
 
     def act(self, observation: Observation) -> tuple[float, ...]:
         return self.controller.step(observation)[0]
@@ -114,24 +132,50 @@ class CPolicy:
 
 @dataclass(frozen=True)
 class CControllerFactory:
-    """Makes policies that run a compiled controller; picklable, each call loads the library."""
+    """Makes policies that run a compiled controller with any parameter values; picklable."""
 
     controller: Controller
     library: Path
     real: RealType
-    values: tuple[tuple[str, float], ...] = ()
+
+    def with_params(self, values: Mapping[str, float]) -> CPolicy:
+        """A policy with `values` for some of the parameters; the rest keep the program's."""
+        return CPolicy(self, values)
 
     def __call__(self) -> CPolicy:
-        made = CController(load(self.library), self.controller, self.real)
-        return CPolicy(made.with_params(dict(self.values)) if self.values else made)
+        return self.with_params({})
+
+    def params(self, values: Mapping[str, float]) -> tuple[float, ...]:
+        """The parameters in order, with other `values` for some. Raises PirlcError E0807."""
+        own = dict(self.controller.parameters)
+        for name in values:
+            if name not in own:
+                raise error(UnknownParameter(name, tuple(own)))
+        return tuple({**own, **values}.values())
+
+    @property
+    def reads(self) -> frozenset[int]:
+        """The components of the observation that the actions depend on."""
+        return frozenset(
+            channel.index
+            for channel in self.controller.channels
+            if channel.depth > 0 or channel.limit is not None
+        )
 
 
 def c_controller(
-    program: Program, cache: Path, real: RealType = "double", compiler: Compiler | None = None
+    program: Program | ProgramTemplate,
+    cache: Path,
+    real: RealType = "double",
+    compiler: Compiler | None = None,
+    flags: Sequence[str] = FLAGS,
 ) -> CControllerFactory:
-    """The program compiled from C, in a library kept under `cache`."""
-    controller = lower(program)
-    library = build(controller, cache.resolve(), real, compiler or find_compiler())
+    """The structure compiled from C, in a library kept under `cache`.
+
+    A template's free parameters start as those of `python_controller`.
+    """
+    controller = lower(_closed(program))
+    library = build(controller, cache.resolve(), real, compiler or find_compiler(), flags)
     return CControllerFactory(controller, library, real)
 
 

@@ -43,6 +43,9 @@ if TYPE_CHECKING:
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 """How pirlc itself builds emitted C; the header tells users the same."""
 
+QUICK_FLAGS = ("-std=c99", "-O1", "-ffp-contract=off")
+"""The same for libraries that are used for a few episodes: built sooner, and no other results."""
+
 WARNINGS = (
     "-pedantic",
     "-Wall",

@@ -114,6 +114,8 @@ def number(value: float) -> str:
 
 
 def interval(found: ReturnEstimate) -> str:
+    if found.exact:
+        return "exact: the environment is deterministic"
     if found.episodes == 1:
         return "no interval"
     return f"95 % interval [{number(found.low)}, {number(found.high)}]"

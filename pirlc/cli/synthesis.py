@@ -93,8 +93,12 @@ def _in_words(result: SynthesisResult, folder: Path) -> str:
         "",
     ]
     if result.returns:
-        episodes = next(iter(result.returns.values())).episodes
-        lines.append(f"return over {episodes:,} unseen episodes")
+        found = next(iter(result.returns.values()))
+        lines.append(
+            "return of the one episode (the environment is deterministic)"
+            if found.exact
+            else f"return over {found.episodes:,} unseen episodes"
+        )
         width = max(map(len, result.returns))
         means = {name: number(found.mean) for name, found in result.returns.items()}
         wide = max(map(len, means.values()))

@@ -45,10 +45,15 @@ class Candidate:
 
 
 def within_noise(one: Candidate, other: Candidate) -> bool:
-    """Whether the mean returns differ by less than the 95 % interval of their paired difference."""
+    """Whether the mean returns differ by less than the 95 % interval of their paired difference.
+
+    Of a single episode no noise can be told: then only equal returns are within it.
+    """
     assert one.returns is not None
     assert other.returns is not None
     difference = np.array(one.returns) - np.array(other.returns)
+    if len(difference) == 1:
+        return bool(difference[0] == 0.0)
     spread = float(np.std(difference, ddof=1)) / len(difference) ** 0.5
     return bool(abs(np.mean(difference)) <= 1.96 * spread)
 

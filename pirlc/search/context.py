@@ -5,11 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pirlc.backend.policies import python_controller
+from pirlc.backend.policies import (
+    CControllerFactory,
+    PythonController,
+    c_controller,
+    python_controller,
+)
+from pirlc.backend.toolchain import QUICK_FLAGS, find_compiler
 from pirlc.ir.policy import Environment, ProgramTemplate, Sketch
 from pirlc.ir.printer import program_text
 from pirlc.search.candidate import Candidate
@@ -17,10 +24,14 @@ from pirlc.search.enumeration import Enumeration
 from pirlc.search.journal import Journal
 from pirlc.search.settings import Progress, Settings, Tell
 from pirlc.simulation.policy import PolicyFactory
-from pirlc.simulation.workers import collect_returns, collect_returns_of_each
+from pirlc.simulation.workers import collect_returns, collect_returns_of_each, parallel_map
 
 FIRST_EVALUATION_SEED = 1_000_000
 """Episodes of a search start from seeds below this one; those of evaluations from here on."""
+
+_BATCH = 8
+"""Programs simulated between two looks at the budget; not a matter of how many processes there
+are, so that a budget ends at the same place for any number."""
 
 Record = list[tuple[str, Candidate]]
 """The programs that a search met, each with the stage it was met in, in order."""
@@ -30,7 +41,9 @@ Record = list[tuple[str, Candidate]]
 class Search:
     """One search: its problem, its settings, its journal, and the programs it has met.
 
-    `tell` is told of progress, `record` of each program with its stage, as it is met.
+    `tell` is told of progress, `record` of each program with its stage, as it is met. `libraries`
+    is a folder for compiled programs, where the environment runs those by itself (None: programs
+    are simulated as emitted Python). In a `deterministic` environment one episode tells all.
     """
 
     sketch: Sketch
@@ -41,42 +54,59 @@ class Search:
     tell: Tell
     record: Callable[[str, Candidate], None]
     trust: bool = False
+    libraries: Path | None = None
+    deterministic: bool = False
     met: Record = field(default_factory=list)
+    _made: dict[str, PythonController | CControllerFactory] = field(default_factory=dict)
+    _texts: dict[int, tuple[ProgramTemplate, str]] = field(default_factory=dict)
 
     @cached_property
     def enumeration(self) -> Enumeration:
         return Enumeration(self.sketch)
 
     def seeds(self, purpose: str, count: int) -> list[int]:
-        """Seeds of episodes for a purpose; the same for all programs that are compared."""
+        """Seeds of episodes for a purpose; the same for all programs that are compared.
+
+        One that is always the same in a deterministic environment.
+        """
+        if self.deterministic:
+            return [0]
         rng = np.random.default_rng([self.settings.seed, *purpose.encode()])
         return [int(s) for s in rng.integers(0, FIRST_EVALUATION_SEED, count)]
+
+    def episodes(self, count: int) -> int:
+        """How many episodes are run where `count` are asked for."""
+        return 1 if self.deterministic else count
 
     def simulate(
         self, candidates: Sequence[Candidate], purpose: str, episodes: int
     ) -> list[Candidate]:
         """The candidates with the returns of one episode from each of the purpose's seeds."""
         seeds = self.seeds(purpose, episodes)
-        simulated = []
-        for done, candidate in enumerate(candidates):
+        simulated: list[Candidate] = []
+        for done in range(0, len(candidates), _BATCH):
             self.progress(f"simulate ({purpose})", done, len(candidates))
-            template = candidate.expansion.template
-            row = self.returns(template, [dict(candidate.values)], seeds)[0]
-            simulated.append(candidate.with_returns(row))
+            batch = candidates[done : done + _BATCH]
+            rows = self._returns([(c.expansion.template, dict(c.values)) for c in batch], seeds)
+            simulated += [c.with_returns(row) for c, row in zip(batch, rows, strict=True)]
         return simulated
 
     def returns(
         self, template: ProgramTemplate, values: Sequence[dict[str, float]], seeds: Sequence[int]
     ) -> NDArray[np.float64]:
         """Returns, shape (values, seeds), of a template closed with each set of values."""
-        where = f"{self.environment.id} {self.environment.arguments} {list(seeds)}"
-        text = program_text(template)
-        keys = [f"{where} {sorted(v.items())!r} {text}" for v in values]
+        return self._returns([(template, v) for v in values], seeds)
 
-        def run(missing: Sequence[dict[str, float]]) -> list[list[float]]:
-            printed = python_controller(template)
+    def _returns(
+        self, programs: Sequence[tuple[ProgramTemplate, dict[str, float]]], seeds: Sequence[int]
+    ) -> NDArray[np.float64]:
+        where = f"{self.environment.id} {self.environment.arguments} {list(seeds)}"
+        keys = [f"{where} {sorted(v.items())!r} {self._text(t)}" for t, v in programs]
+
+        def run(missing: Sequence[tuple[ProgramTemplate, dict[str, float]]]) -> list[list[float]]:
+            self._prepare([template for template, _ in missing])
             rows = collect_returns_of_each(
-                [partial(printed.with_params, v) for v in missing],
+                [self.policy(template, values) for template, values in missing],
                 self.environment,
                 seeds,
                 self.workers,
@@ -84,8 +114,34 @@ class Search:
             )
             return [[float(r) for r in row] for row in rows]
 
-        rows = self.journal.each("returns", values, keys, run)
-        return np.array(rows, dtype=np.float64).reshape(len(values), len(seeds))
+        rows = self.journal.each("returns", programs, keys, run)
+        return np.array(rows, dtype=np.float64).reshape(len(programs), len(seeds))
+
+    def policy(self, template: ProgramTemplate, values: dict[str, float]) -> PolicyFactory:
+        """The template closed with values, as what runs fastest in this environment."""
+        self._prepare([template])
+        return partial(self._made[self._text(template)].with_params, values)
+
+    def _prepare(self, templates: Sequence[ProgramTemplate]) -> None:
+        """Prints or compiles those templates that were not yet."""
+        new = {self._text(t): t for t in templates if self._text(t) not in self._made}
+        folder = self.libraries
+        if folder is None:
+            self._made.update({text: python_controller(t) for text, t in new.items()})
+            return
+        find_compiler()
+
+        def compiled(template: ProgramTemplate) -> CControllerFactory:
+            return c_controller(template, folder, flags=QUICK_FLAGS)
+
+        made = parallel_map(compiled, list(new.values()), self.workers)
+        self._made.update(zip(new, made, strict=True))
+
+    def _text(self, template: ProgramTemplate) -> str:
+        # By identity: templates are immutable, and candidates of one structure share theirs.
+        if id(template) not in self._texts:
+            self._texts[id(template)] = (template, program_text(template))
+        return self._texts[id(template)][1]
 
     def evaluate(
         self, name: str, policy: PolicyFactory, text: str, seeds: Sequence[int]

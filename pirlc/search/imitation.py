@@ -10,7 +10,6 @@ from hashlib import sha256
 import numpy as np
 from numpy.typing import NDArray
 
-from pirlc.backend.policies import python_controller
 from pirlc.ir.printer import program_text
 from pirlc.oracle.network import Oracle
 from pirlc.search.candidate import Candidate
@@ -81,7 +80,7 @@ class Imitation:
     def update_histories(self, search: Search, program: Candidate, turn: int) -> Imitation:
         """Adds what the program meets in some episodes, with what the oracle would do there."""
         seeds = search.seeds(f"update_histories {turn}", search.settings.update_episodes)
-        factory = python_controller(program.program)
+        factory = search.policy(program.expansion.template, dict(program.values))
         episodes = collect_episodes(
             factory, search.environment, seeds, search.workers, search.trust
         )

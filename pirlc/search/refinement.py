@@ -120,7 +120,7 @@ class _Climb:
         self.generation = 0
         self.score = start.mean
         self.samples: list[Candidate] = []
-        self._episodes = _EPISODES
+        self._episodes = search.episodes(_EPISODES)
         self._flat = 0
         self._names = [p.name for p in template.free]
         # CMA-ES wants at least two dimensions; a single parameter gets an idle companion.
@@ -164,7 +164,9 @@ class _Climb:
             episodes -= returns.size
             self._flat = self._flat + 1 if np.ptp(losses) == 0.0 else 0
             if self._flat == _PLATEAU:
-                self._episodes, self._flat = 2 * self._episodes, 0
+                # More of the same episode would show no more.
+                more = _MOST_EPISODES + 1 if search.deterministic else 2 * self._episodes
+                self._episodes, self._flat = more, 0
             if episodes < size * self._episodes:
                 return
 

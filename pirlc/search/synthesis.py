@@ -84,7 +84,8 @@ def _rounded(search: Search, program: Candidate) -> Candidate:
 def _so_far(search: Search, imitated: Candidate | None, ending: Ending) -> Found | None:
     """The best by return, or the closest to the oracle if none was simulated yet."""
     met = [candidate for _, candidate in search.met]
-    enough = [c for c in met if len(c.returns or ()) >= search.settings.episodes]
+    wanted = search.episodes(search.settings.episodes)
+    enough = [c for c in met if len(c.returns or ()) >= wanted]
     if enough:
         best = max(enough, key=lambda c: (c.mean, -c.size))
     elif met:

@@ -16,6 +16,7 @@ from gymnasium import spaces
 
 from pirlc.diagnostics import Diagnostic, PirlcError, suggestion
 from pirlc.ir.policy import ActionSpec, Choice, Continuous, Environment, Interface
+from pirlc.simulation.native import is_native, peel
 from pirlc.simulation.problems import (
     BadArguments,
     ComponentMissing,
@@ -74,7 +75,9 @@ class EnvironmentFacts:
     """What the compiler needs to know of an environment.
 
     `max_episode_steps` and `sample_time` (seconds a step) are None where the environment does not
-    tell; `reward_threshold` is the return at which its authors call it solved.
+    tell; `reward_threshold` is the return at which its authors call it solved. `native`: it runs
+    compiled policies by itself. `deterministic`: it says that its seed changes nothing, so that one
+    episode tells all.
     """
 
     id: str
@@ -85,6 +88,8 @@ class EnvironmentFacts:
     max_episode_steps: int | None
     sample_time: float | None
     reward_threshold: float | None
+    native: bool = False
+    deterministic: bool = False
 
     @property
     def observation_size(self) -> int:
@@ -195,6 +200,8 @@ def facts_of(simulator: Simulator, environment: Environment) -> EnvironmentFacts
         None if specification is None else specification.max_episode_steps,
         _sample_time(simulator),
         None if specification is None else specification.reward_threshold,
+        is_native(simulator),
+        getattr(peel(simulator)[0], "deterministic", False) is True,
     )
 
 

@@ -1,10 +1,10 @@
-"""What a rollout needs of whatever chooses the actions."""
+"""What a rollout needs of whatever chooses the actions, and who may run it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,27 @@ class Policy(Protocol):
         A discrete action is the environment's own number, as a float. NaN in an observation is a
         reading that is missing.
         """
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """A policy as a library that a simulator can load; `backend.toolchain` says what is in it.
+
+    `params`: the values of its parameters, in the program's order. `reads`: the components of the
+    observation that its actions depend on.
+    """
+
+    library: str
+    params: tuple[float, ...]
+    reads: frozenset[int]
+
+
+@runtime_checkable
+class CompiledPolicy(Policy, Protocol):
+    """A policy that a simulator may run by itself: the actions are those of `act`."""
+
+    @property
+    def compiled(self) -> Compiled: ...
 
 
 PolicyFactory = Callable[[], Policy]

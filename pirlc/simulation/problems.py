@@ -122,7 +122,7 @@ class NoEnvironment:
 class SimulatorRaised:
     id: str
     doing: str
-    """`reset` or `step`."""
+    """`reset`, `step` or `race`."""
     seed: int
     step: int
     error: str
@@ -164,6 +164,13 @@ class EndlessEpisode:
 
 
 @dataclass(frozen=True)
+class ControllerNotLoaded:
+    """A simulator that runs compiled policies by itself could not load one."""
+
+    id: str
+
+
+@dataclass(frozen=True)
 class WorkerDied:
     reason: str
 
@@ -189,6 +196,7 @@ Problem = (
     | BadObservation
     | BadAction
     | EndlessEpisode
+    | ControllerNotLoaded
     | WorkerDied
 )
 
@@ -343,6 +351,14 @@ def describe(problem: Problem) -> Diagnostic:
                 "E0518",
                 f"the episode of seed {seed} in `{name}` did not end within {limit:,} steps",
                 help="give the environment a time limit, such as `{ max_episode_steps = 1000 }`",
+            )
+        case ControllerNotLoaded(name):
+            return Diagnostic(
+                "E0540",
+                f"the simulator of `{name}` could not load the compiled controller",
+                notes=("its library is missing, or was built for another machine",),
+                help="the same compiler must serve both: see that `CC` makes programs for this "
+                "machine",
             )
         case WorkerDied(reason):
             return Diagnostic(

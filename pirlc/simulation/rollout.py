@@ -2,7 +2,8 @@
 
 Most of a search's time is spent in this loop, so it steps the environment inside the standard
 wrappers where it can: it counts the steps of `TimeLimit` itself and resets before it steps, as
-`OrderEnforcing` asks. Nothing that the policy or the return depends on changes by that.
+`OrderEnforcing` asks. Nothing that the policy or the return depends on changes by that. A simulator
+that can run a compiled policy by itself does so.
 """
 
 from __future__ import annotations
@@ -14,10 +15,11 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 from numpy.typing import NDArray
 
+from pirlc.diagnostics import PirlcError
 from pirlc.simulation.environments import Simulator
+from pirlc.simulation.native import LONGEST_EPISODE, peel, run_native
 from pirlc.simulation.policy import Policy
 from pirlc.simulation.problems import (
     BadAction,
@@ -27,10 +29,6 @@ from pirlc.simulation.problems import (
     SimulatorRaised,
     failure,
 )
-
-LONGEST_EPISODE = 1_000_000
-"""Steps after which an episode without a time limit is taken to be endless."""
-
 
 @dataclass(frozen=True)
 class Episode:
@@ -55,7 +53,8 @@ class Episode:
 class ReturnEstimate:
     """The mean of the episodes' returns with its 95 % confidence interval (Student's t).
 
-    `std` is that of one episode's return. With a single episode the interval is infinite.
+    `std` is that of one episode's return. With a single episode the interval is infinite, but for a
+    deterministic environment, of which one episode tells all: there it is the mean itself.
     """
 
     mean: float
@@ -64,13 +63,23 @@ class ReturnEstimate:
     std: float
     episodes: int
 
+    @property
+    def exact(self) -> bool:
+        """Whether no further episode could change the mean."""
+        return self.episodes == 1 and self.low == self.high
 
-def estimate(returns: NDArray[np.float64]) -> ReturnEstimate:
-    """Summarise the returns (shape (n,), n at least 1) of independent episodes."""
+
+def estimate(returns: NDArray[np.float64], *, deterministic: bool = False) -> ReturnEstimate:
+    """Summarise the returns (shape (n,), n at least 1) of independent episodes.
+
+    In a `deterministic` environment all of them are the same episode.
+    """
     from scipy.special import stdtrit
 
     n = len(returns)
     mean = math.fsum(returns) / n
+    if deterministic:
+        return ReturnEstimate(float(returns[0]), float(returns[0]), float(returns[0]), 0.0, 1)
     if n == 1:
         return ReturnEstimate(mean, -math.inf, math.inf, 0.0, 1)
     std = float(np.std(returns, ddof=1))
@@ -84,38 +93,30 @@ def episode_return(episode: Episode) -> float:
 
 
 def run_episode(simulator: Simulator, policy: Policy, seed: int) -> Episode:
-    """One episode from a seed. Raises PirlcError E0514 to E0518."""
+    """One episode from a seed. Raises PirlcError E0514 to E0518, E0540."""
+    trace = run_native(simulator, policy, seed, everything=True)
+    if trace is not None:
+        components = math.prod(simulator.action_space.shape or ())
+        return Episode(trace.observations, trace.actions[:, :components], trace.rewards)
     observations, actions, rewards = _play(simulator, policy, seed)
     return Episode(np.array(observations), np.array(actions, dtype=np.float64), np.array(rewards))
 
 
 def run_return(simulator: Simulator, policy: Policy, seed: int) -> float:
-    """The return of one episode from a seed. Raises PirlcError E0514 to E0518."""
-    return math.fsum(_play(simulator, policy, seed)[2])
+    """The return of one episode from a seed. Raises PirlcError E0514 to E0518, E0540."""
+    trace = run_native(simulator, policy, seed, everything=False)
+    return math.fsum(_play(simulator, policy, seed)[2] if trace is None else trace.rewards.tolist())
 
 
 def run_returns(simulator: Simulator, policy: Policy, seeds: Sequence[int]) -> NDArray[np.float64]:
-    """The return from each seed, in order. Raises PirlcError E0514 to E0518."""
+    """The return from each seed, in order. Raises PirlcError E0514 to E0518, E0540."""
     return np.array([run_return(simulator, policy, seed) for seed in seeds], dtype=np.float64)
-
-
-def _peel(simulator: Simulator) -> tuple[Simulator, int | None]:
-    """The environment inside the standard wrappers, and the time limit that they set."""
-    limit: int | None = None
-    while True:
-        # Exactly these classes: one that inherits from them may do more.
-        if type(simulator) is TimeLimit:
-            own = simulator._max_episode_steps
-            limit = own if limit is None else min(limit, own)
-        elif type(simulator) not in (OrderEnforcing, PassiveEnvChecker):
-            return simulator, limit
-        simulator = simulator.env  # type: ignore[attr-defined]
 
 
 def _play(
     simulator: Simulator, policy: Policy, seed: int
 ) -> tuple[list[NDArray[np.float64]], list[tuple[float, ...]], list[float]]:
-    inner, limit = _peel(simulator)
+    inner, limit = peel(simulator)
     name = "" if inner.spec is None else inner.spec.id
     chosen, size = inner.action_space, inner.observation_space.shape
     assert size is not None
@@ -132,6 +133,8 @@ def _play(
 
     try:
         raw, _ = inner.reset(seed=seed)
+    except PirlcError:
+        raise
     except Exception as error:
         raise failure(SimulatorRaised(name, "reset", seed, 0, _words(error))) from error
     policy.reset()
@@ -157,6 +160,8 @@ def _play(
         actions.append(action)
         try:
             raw, reward, terminated, truncated, _ = step_inner(applied)
+        except PirlcError:
+            raise
         except Exception as error:
             raise failure(SimulatorRaised(name, "step", seed, step, _words(error))) from error
         try:

@@ -265,7 +265,7 @@ def test_a_run_stopped_by_time_is_replayed_by_its_count(
 ) -> None:
     path, _, _ = finished
     ticks = count()
-    stopped, run = whole(path, Budget(seconds=25.0, clock=lambda: float(next(ticks))))
+    stopped, run = whole(path, Budget(seconds=15.0, clock=lambda: float(next(ticks))))
     assert stopped is not None
     assert stopped.ending is Ending.BUDGET
     calls = run.search.journal.stopped_at
