@@ -124,13 +124,14 @@ def test_the_double_target_is_rated_by_the_target_network() -> None:
     import torch
     from stable_baselines3.common.vec_env import DummyVecEnv
 
-    from pirlc.oracle.attempt import Adapted, _learner, scaling_of
+    from pirlc.oracle.adapted import Adapted, scaling_of
+    from pirlc.oracle.attempt import _learner
     from pirlc.simulation.environments import make
 
     training = planned(
         CARTPOLE, "duel-ddqn", n_steps=1, batch_size=32, learning_starts=64, gamma=0.5
     )
-    environment = Adapted(make(CARTPOLE), scaling_of(training.facts, True))
+    environment = Adapted(make(CARTPOLE), scaling_of(training), training)
     learner = _learner(training, DummyVecEnv([lambda: environment]), 0)
     learner.learn(64)
     torch.manual_seed(1)
