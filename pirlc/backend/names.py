@@ -138,9 +138,11 @@ def file_stem(policy: str) -> str:
     """What the emitted files and the names in the C header begin with.
 
     No standard header's name and no standard Python module's, since files of the same folder may
-    come before those; compared without case, as some file systems do.
+    come before those; nor `bridge`, the file beside it in a library. Compared without case, as some
+    file systems do.
     """
     reserved = {*C_LOCAL_RESERVED, *PYTHON_RESERVED, *_C_HEADERS.split(), *sys.stdlib_module_names}
+    reserved.add("bridge")
     stem = _plain(policy).rstrip("_")
     if stem.lower() in {name.lower() for name in reserved} or stem.startswith(_C_PREFIXES):
         stem = _plain(f"policy_{stem}")

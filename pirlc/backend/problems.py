@@ -80,7 +80,6 @@ class NoSuchCommand:
 
     action: str
     component: int
-    known: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -113,6 +112,8 @@ Problem = (
     | NotSteered
     | DiscreteCommand
 )
+
+_COMMANDS = "a car in TORCS takes steer (0), accel (1) and perhaps brake (2)"
 
 
 def error(problem: Problem) -> PirlcError:
@@ -187,18 +188,17 @@ def describe(problem: Problem) -> Diagnostic:
                 notes=(f"a car in TORCS has {count} readings, 0 to {count - 1}",),
                 help=f"`pirlc explain E0535` lists them; write {sensor} : [...] = 2 for the third",
             )
-        case NoSuchCommand(action, component, known):
-            numbered = ", ".join(f"{name} ({k})" for k, name in enumerate(known))
+        case NoSuchCommand(action, component):
             return Diagnostic(
                 "E0536",
                 f"action {action} is component {component}, which TORCS does not have",
-                notes=(f"a car in TORCS takes {numbered}",),
+                notes=(_COMMANDS,),
             )
         case NotSteered(missing):
             return Diagnostic(
                 "E0537",
                 f"no action of this program is the car's {' or '.join(missing)}",
-                notes=("a car in TORCS takes steer (0), accel (1) and perhaps brake (2)",),
+                notes=(_COMMANDS,),
             )
         case DiscreteCommand(action, command):
             return Diagnostic(

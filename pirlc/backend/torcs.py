@@ -71,7 +71,7 @@ def check_fit(controller: Controller) -> None:
     ]
     for output in controller.outputs:
         if output.component >= len(ACTIONS):
-            found.append(NoSuchCommand(output.name, output.component, ACTIONS))
+            found.append(NoSuchCommand(output.name, output.component))
         elif output.kind is not Kind.REAL:
             found.append(DiscreteCommand(output.name, ACTIONS[output.component]))
     given = {output.component for output in controller.outputs}

@@ -26,7 +26,7 @@ def _targets(_: click.Context, __: click.Parameter, value: str) -> tuple[str, ..
     default="c,python",
     show_default=True,
     callback=_targets,
-    help="What to write, separated by commas: c, python.",
+    help="What to write, separated by commas: c, python, torcs (a robot).",
 )
 @click.option(
     "-o", "--output", "folder", required=True, type=click.Path(path_type=Path),
@@ -48,7 +48,7 @@ def command(
     folder: Path,
     real: Literal["double", "float"],
 ) -> None:
-    """Write PROGRAM, a .pirl file with nothing left to choose, as C and Python."""
+    """Write PROGRAM, a .pirl file with nothing left to choose, as C, Python or a robot for TORCS."""
     from pirlc.backend.emit import emit_to
 
     paths = emit_to(read_program(session, program), folder, targets, real)

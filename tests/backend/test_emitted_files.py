@@ -170,7 +170,7 @@ def test_an_unknown_target():
     assert (diagnostic.code, diagnostic.message, diagnostic.help) == (
         "E0802",
         "there is no target 'fortran'",
-        "the targets are c, python",
+        "the targets are c, python, torcs",
     )
 
 
