@@ -24,6 +24,7 @@ from pirlc.frontend import check
 from pirlc.ir.policy import Environment, Program, Sketch
 from pirlc.ir.printer import program_text
 from pirlc.oracle.load import LoadedOracle, load
+from pirlc.oracle.shipped import find_shipped
 from pirlc.oracle.train import plan as plan_training
 from pirlc.oracle.train import train_or_load
 from pirlc.oracle.training import Progress as TrainingProgress
@@ -59,23 +60,35 @@ class SynthesisResult:
     ending: Ending
     search_seconds: float
     warnings: tuple[Diagnostic, ...]
+    oracle: LoadedOracle | None
 
 
 def synthesize(
-    request: SynthesisRequest, tell: Tell, tell_training: Callable[[TrainingProgress], None]
+    request: SynthesisRequest,
+    tell: Tell,
+    tell_training: Callable[[TrainingProgress], None],
+    tell_warnings: Callable[[tuple[Diagnostic, ...]], None] = lambda _: None,
+    tell_oracle: Callable[[LoadedOracle], None] = lambda _: None,
 ) -> SynthesisResult:
-    """The whole of `pirlc synth`. Raises PirlcError for whatever is wrong with the input."""
+    """The whole of `pirlc synth`. Raises PirlcError for whatever is wrong with the input.
+
+    Warnings and the oracle are told as soon as they are known, before the search.
+    """
     sketch, warnings = check(request.source)
     environment, known = _environment(sketch, request)
+    sketch = sketch.in_environment(environment)
     misfits = check_interface(sketch.interface, known, request.source)
     if any(found.severity is Severity.ERROR for found in misfits):
         raise PirlcError(misfits)
     if not any(map(Enumeration(sketch).count, range(1, request.settings.largest + 1))):
         raise error(NothingSoSmall(request.settings.largest))
     find_compiler()  # A missing one is told before the search, not after it.
+    tell_warnings((*warnings, *misfits))
     run = open_run(request.folder, asked_of(request))
     write_text(run.folder / "sketch.pirl", request.source.text)
     oracle = _oracle(request, environment, known, tell_training)
+    if oracle is not None:
+        tell_oracle(oracle)
     with (
         _journal(request, run) as journal,
         _recorder(run.candidates) as record,
@@ -107,10 +120,10 @@ def synthesize(
         returns, ending = _evaluate(request, run, search, found, oracle)
     plot = run.folder / "search.png"
     plot_search(search.met, program.size, returns.get("program"), returns.get("oracle"), plot)
-    run.write_manifest(results_of(found, ending, spent, oracle, returns))
+    run.write_manifest(results_of(environment, found, ending, spent, oracle, returns))
     warned = (*warnings, *misfits)
     return SynthesisResult(
-        program, program_file, (*files, plot), returns, ending, spent.seconds, warned
+        program, program_file, (*files, plot), returns, ending, spent.seconds, warned, oracle
     )
 
 
@@ -118,6 +131,7 @@ def _environment(sketch: Sketch, request: SynthesisRequest) -> tuple[Environment
     environment = sketch.interface.environment
     if environment is None:
         raise error(NoSimulator(request.source.name))
+    environment = environment.with_arguments(request.arguments)
     return environment, facts(environment, request.trust)
 
 
@@ -132,6 +146,12 @@ def _oracle(
         return None
     if wish.origin is not None:
         return load(wish.origin, environment, known, trust=request.trust)
+    if wish.shipped and not wish.overrides:
+        found = find_shipped(
+            Path(request.source.name), environment, known, algorithm=wish.algorithm, seed=wish.seed
+        )
+        if found is not None:
+            return found
     training = plan_training(
         environment,
         known,

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from pirlc.backend.files import Provenance
 from pirlc.backend.numbers import RealType
-from pirlc.backend.python import gives_int, python_text
 from pirlc.backend.problems import UnknownParameter, error
+from pirlc.backend.python import gives_int, python_text
 from pirlc.backend.toolchain import FLAGS, CController, Compiler, build, find_compiler, load
 from pirlc.ir.controller import Controller
 from pirlc.ir.policy import FreeParameter, Program, ProgramTemplate

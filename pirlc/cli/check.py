@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from pirlc.cli.arguments import Arguments, argument_option
 from pirlc.cli.files import read_sketch
 from pirlc.cli.session import Session, json_option, pass_session
 
@@ -20,17 +21,20 @@ from pirlc.cli.session import Session, json_option, pass_session
     show_default=True,
     help="Count the program templates up to this size.",
 )
+@argument_option
 @click.option("--trust", is_flag=True, help="Let an environment `module:id` run its code.")
 @json_option
 @pass_session
-def command(session: Session, file: str, environment: bool, size: int, trust: bool) -> None:
+def command(
+    session: Session, file: str, environment: bool, size: int, arguments: Arguments, trust: bool
+) -> None:
     """Check FILE, a sketch or a program, and say what it allows.
 
     `-` reads standard input.
     """
     from pirlc.cli.allowed import as_data, in_words, measure
 
-    source, sketch = read_sketch(session, file)
+    source, sketch = read_sketch(session, file, arguments)
     if environment:
         from pirlc.cli.places import fitting_facts
 

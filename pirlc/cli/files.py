@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pirlc.cli.arguments import Arguments
 from pirlc.cli.problems import NotText, StillOpen, TooLarge, Unreadable, error
 from pirlc.cli.session import Session
 from pirlc.diagnostics import suggestion
@@ -54,13 +55,23 @@ def _similar(path: Path) -> str | None:
     return str(path.with_name(close)) if close else None
 
 
-def read_sketch(session: Session, name: str) -> tuple[SourceText, Sketch]:
-    """The sketch in a file; its warnings are shown. Raises `PirlcError` as the front end does."""
+def read_sketch(
+    session: Session, name: str, arguments: Arguments = ()
+) -> tuple[SourceText, Sketch]:
+    """The sketch in a file; its warnings are shown. Raises `PirlcError` as the front end does.
+
+    `arguments` of its environment take the place of the file's; E0513 if it names none.
+    """
     from pirlc.frontend import check
 
     source = read_source(name)
     sketch, warnings = check(source)
     session.tell(warnings)
+    if arguments:
+        from pirlc.simulation.environments import require_environment
+
+        known = require_environment(sketch.interface)
+        sketch = sketch.in_environment(known.with_arguments(arguments))
     return source, sketch
 
 

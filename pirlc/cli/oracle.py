@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from pirlc.cli.arguments import Arguments, argument_option
 from pirlc.cli.session import Session, json_option, pass_session
 from pirlc.cli.settings import settings_option
 
@@ -24,6 +25,7 @@ def group() -> None:
 @click.option("--steps", type=click.IntRange(1), help="Environment steps of an attempt, at most.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 @settings_option
+@argument_option
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path),
     help="The folder to save the oracle in (default: pirlc's cache).",
@@ -38,6 +40,7 @@ def train(
     steps: int | None,
     seed: int,
     settings: dict[str, Any],
+    arguments: Arguments,
     output: Path | None,
     trust: bool,
 ) -> None:
@@ -45,7 +48,7 @@ def train(
     from pirlc.cli.oracles import Wish, train_for
 
     overrides = settings if steps is None else {**settings, "steps": steps}
-    train_for(session, sketch, Wish(algorithm, seed, overrides, output, trust))
+    train_for(session, sketch, Wish(algorithm, seed, overrides, output, trust, arguments))
 
 
 @group.command("list", epilog="Example: pirlc oracle list")

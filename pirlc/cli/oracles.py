@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from pirlc.cli.arguments import Arguments
 from pirlc.cli.files import read_sketch
 from pirlc.cli.measure import interval, number
 from pirlc.cli.places import fitting_facts
@@ -34,11 +35,12 @@ class Wish:
     overrides: Mapping[str, Json]
     output: Path | None
     trust: bool
+    arguments: Arguments = ()
 
 
 def train_for(session: Session, name: str, wish: Wish) -> None:
     """Train or find the oracle for a file's environment, save it and say what it reaches."""
-    source, sketch = read_sketch(session, name)
+    source, sketch = read_sketch(session, name, wish.arguments)
     found = fitting_facts(session, source, sketch.interface, wish.trust)
     environment = sketch.interface.environment
     assert environment is not None

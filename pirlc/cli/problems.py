@@ -97,6 +97,14 @@ class RaceBrokeOff:
     reason: str
 
 
+@dataclass(frozen=True)
+class NotAnArgument:
+    """An `--argument` that says nothing of an environment; `reason` is what is wrong with it."""
+
+    given: str
+    reason: str
+
+
 Problem = (
     Unreadable
     | NotText
@@ -110,6 +118,7 @@ Problem = (
     | NoSuchRobot
     | NothingToBlock
     | RaceBrokeOff
+    | NotAnArgument
 )
 
 _SHOWN = 6
@@ -203,6 +212,13 @@ def describe(problem: Problem) -> Diagnostic:
                 f"the race on {track} broke off",
                 notes=(reason,),
                 help="`pirlc torcs doctor` says what is wrong with TORCS here",
+            )
+        case NotAnArgument(given, reason):
+            return Diagnostic(
+                "E0541",
+                f"`--argument {given}` is not an argument of an environment: {reason}",
+                help="write KEY=VALUE, such as `--argument track=aalborg`, with a number, `true`, "
+                "`false` or a text as value",
             )
         case _:
             assert_never(problem)

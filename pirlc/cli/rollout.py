@@ -8,6 +8,7 @@ from typing import Literal
 
 import click
 
+from pirlc.cli.arguments import Arguments, argument_option
 from pirlc.cli.machine import cores
 from pirlc.cli.session import Session, json_option, pass_session
 
@@ -57,6 +58,7 @@ _WORTH_PROCESSES = 100
 @click.option(
     "--workers", type=click.IntRange(1, 1024), help="Processes to use (default: one a core)."
 )
+@argument_option
 @click.option("--trust", is_flag=True, help="Let environments and policies run their own code.")
 @json_option
 @pass_session
@@ -69,6 +71,7 @@ def command(
     sketch: str | None,
     real: Literal["double", "float"],
     workers: int | None,
+    arguments: Arguments,
     trust: bool,
 ) -> None:
     """Run POLICY in its environment and say what return it reaches.
@@ -83,7 +86,7 @@ def command(
     if workers is None:
         workers = cores() if episodes >= _WORTH_PROCESSES else 1
     with tempfile.TemporaryDirectory(prefix="pirlc-") as built:
-        request = Request(policy, form, sketch, real, trust, Path(built))
+        request = Request(policy, form, sketch, real, trust, Path(built), arguments)
         subject = find_subject(session, request)
         seeds = range(seed, seed + episodes)
         tally = measure.measure(subject, seeds, workers, trust)

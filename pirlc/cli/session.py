@@ -33,6 +33,11 @@ class Session:
         for diagnostic in diagnostics:
             print(render(diagnostic, color=color), file=sys.stderr, end="\n\n")
 
+    def note(self, text: str) -> None:
+        """A remark on the way, on stderr; nothing where the output is JSON."""
+        if not self.json:
+            print(text, file=sys.stderr)
+
     def say(self, text: str) -> None:
         """A result in words, on stdout; nothing where the output is JSON."""
         if not self.json:

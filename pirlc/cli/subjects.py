@@ -14,12 +14,13 @@ from pirlc.backend.names import file_stem
 from pirlc.backend.numbers import PRECISIONS, RealType
 from pirlc.backend.policies import CControllerFactory, c_controller, python_controller
 from pirlc.backend.toolchain import build_files, find_compiler
+from pirlc.cli.arguments import Arguments
 from pirlc.cli.files import program_in, read_sketch, read_source
 from pirlc.cli.places import check_fit, facts_for, fitting_facts
 from pirlc.cli.problems import NoSketch, OtherProgram, error
 from pirlc.cli.session import Session
 from pirlc.diagnostics import PirlcError
-from pirlc.ir.policy import Environment, Program
+from pirlc.ir.policy import Environment, Program, Sketch
 from pirlc.ir.printer import program_text
 from pirlc.lower import lower
 from pirlc.semantics.policies import InterpretedPolicy
@@ -50,7 +51,7 @@ class Request:
     """What the command line asks to be run.
 
     `form` is that of a program, `sketch` another file that tells the environment; compiled code
-    goes to `built`, which must outlive the rollout.
+    goes to `built`, which must outlive the rollout. `arguments` are the environment's.
     """
 
     policy: str
@@ -59,6 +60,7 @@ class Request:
     real: RealType
     trust: bool
     built: Path
+    arguments: Arguments = ()
 
 
 def find_subject(session: Session, request: Request) -> Subject:
@@ -71,8 +73,14 @@ def find_subject(session: Session, request: Request) -> Subject:
     return _oracle(session, request)
 
 
+def _read(session: Session, request: Request, name: str) -> tuple[SourceText, Sketch]:
+    """A file whose environment counts, or would if no other file's did."""
+    acts_here = request.sketch in (None, name)
+    return read_sketch(session, name, request.arguments if acts_here else ())
+
+
 def _program(session: Session, request: Request) -> Subject:
-    source, sketch = read_sketch(session, request.policy)
+    source, sketch = _read(session, request, request.policy)
     program = program_in(source, sketch)
     form: Form = request.form or "python"
     words = f"{program.interface.name} ({program.size} nodes, {_FORMS[form]}, {request.real})"
@@ -88,7 +96,7 @@ def _environment(
         fitting_facts(session, source, program.interface, request.trust)
         environment = program.interface.environment
     else:
-        other_source, other = read_sketch(session, request.sketch)
+        other_source, other = _read(session, request, request.sketch)
         found = facts_for(other_source, other.interface, request.trust)
         environment = other.interface.environment
         check_fit(session, source, replace(program.interface, environment=None), found)
@@ -117,7 +125,7 @@ def _emitted_c(session: Session, request: Request) -> Subject:
     texts = [read_source(str(Path(name).with_suffix(suffix))).text for suffix in (".h", ".c")]
     if request.sketch is None:
         raise error(NoSketch(name, "emitted C"))
-    source, sketch = read_sketch(session, request.sketch)
+    source, sketch = _read(session, request, request.sketch)
     program = program_in(source, sketch)
     real = _real_of(texts[0])
     controller = lower(program)
@@ -151,12 +159,13 @@ def _oracle(session: Session, request: Request) -> Subject:
 
     path = Path(request.policy)
     if request.sketch is not None:
-        source, sketch = read_sketch(session, request.sketch)
+        source, sketch = _read(session, request, request.sketch)
         found = facts_for(source, sketch.interface, request.trust)
         environment = sketch.interface.environment
         assert environment is not None
     elif (path / MANIFEST).is_file():
-        environment = load_stored(path).manifest.environment
+        trained = load_stored(path).manifest.environment
+        environment = trained.with_arguments(request.arguments)
         found = facts(environment, request.trust)
     else:
         raise error(NoSketch(request.policy, "not a program, so it should be an oracle"))

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from pirlc.cli.arguments import argument_option
 from pirlc.cli.guard import INTERRUPTED
 from pirlc.cli.machine import cores
 from pirlc.cli.session import Session, json_option, pass_session
@@ -21,7 +22,8 @@ from pirlc.cli.settings import settings_option
 )  # fmt: skip
 @click.option(
     "--oracle", "origin", metavar="PATH",
-    help="An oracle to use instead of training one: a folder, an ONNX file, ...",
+    help="An oracle to use: a folder, an ONNX file, ...; or `train`. Default: one in the folder "
+    "`oracles` beside the sketch that fits, else one is trained.",
 )  # fmt: skip
 @click.option("--no-oracle", is_flag=True, help="Search by simulated return alone.")
 @click.option("--algorithm", metavar="NAME", help="Train the oracle with this algorithm.")
@@ -49,6 +51,7 @@ from pirlc.cli.settings import settings_option
 )
 @click.option("--no-augment", is_flag=True, help="Tune on the oracle's own histories alone.")
 @click.option("--no-refine", is_flag=True, help="Leave out the refinement on simulated return.")
+@argument_option
 @click.option("--trust", is_flag=True, help="Let environments and oracles run their own code.")
 @json_option
 @pass_session
@@ -58,11 +61,12 @@ def command(session: Session, /, sketch: str, workers: int | None, **options: An
     An oracle is trained (or found in the cache), programs are searched that imitate it, and the
     best is refined and evaluated. Ctrl-C ends the search with the best program so far.
     """
-    from pirlc.cli.synthesis import Wish, synthesize_for
+    from pirlc.cli.synthesis import TRAIN, Wish, synthesize_for
 
     wish = Wish(sketch=sketch, workers=workers or cores(), **options)
     training = (wish.algorithm, wish.oracle_steps, wish.oracle_seed, wish.settings or None)
-    if (wish.origin or wish.no_oracle) and any(choice is not None for choice in training):
+    given = wish.origin is not None and wish.origin != TRAIN
+    if (given or wish.no_oracle) and any(choice is not None for choice in training):
         raise click.UsageError("options of the training make no sense without a training.")
     if wish.origin and wish.no_oracle:
         raise click.UsageError("--oracle and --no-oracle exclude each other.")

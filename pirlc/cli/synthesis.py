@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pirlc.cli.arguments import Arguments
 from pirlc.cli.display import watching
 from pirlc.cli.files import read_source
 from pirlc.cli.measure import estimate_data, interval, number
 from pirlc.cli.session import Session
 from pirlc.ir.printer import program_text
+from pirlc.oracle.load import LoadedOracle
 from pirlc.oracle.manifest import Json
 from pirlc.oracle.store import default_cache
 from pirlc.pipeline import SynthesisResult, synthesize
@@ -39,6 +41,7 @@ class Wish:
     workers: int
     no_augment: bool
     no_refine: bool
+    arguments: Arguments
     trust: bool
 
 
@@ -46,11 +49,31 @@ def synthesize_for(session: Session, wish: Wish) -> bool:
     """Run the synthesis and tell its result; whether it was interrupted."""
     request = _request(wish)
     with watching() as watcher:
-        result = synthesize(request, watcher.search, watcher.training)
-    session.tell(result.warnings)
+        result = synthesize(
+            request,
+            watcher.search,
+            watcher.training,
+            session.tell,
+            lambda oracle: session.note(oracle_in_words(oracle)),
+        )
     session.say(_in_words(result, wish.folder))
     session.finish(_as_data(result, wish.folder))
     return result.ending is Ending.INTERRUPTED
+
+
+TRAIN = "train"
+"""The origin of an oracle that is to be trained, even if there is one beside the sketch."""
+
+
+def oracle_in_words(oracle: LoadedOracle) -> str:
+    """Which oracle the search follows."""
+    if oracle.manifest is None:
+        return f"oracle: {oracle.origin}"
+    manifest = oracle.manifest
+    return (
+        f"oracle: {oracle.origin} ({manifest.algorithm}, seed {manifest.seed}, return "
+        f"{number(manifest.score.mean)}, weights {manifest.sha256[:12]})"
+    )
 
 
 def _request(wish: Wish) -> SynthesisRequest:
@@ -58,8 +81,13 @@ def _request(wish: Wish) -> SynthesisRequest:
     if wish.max_size is not None:
         settings = replace(settings, largest=wish.max_size)
     steps = {} if wish.oracle_steps is None else {"steps": wish.oracle_steps}
+    train = wish.origin == TRAIN
     oracle = OracleRequest(
-        wish.origin, wish.algorithm, wish.oracle_seed, {**wish.settings, **steps}
+        origin=None if train else wish.origin,
+        shipped=not train,
+        algorithm=wish.algorithm,
+        seed=wish.oracle_seed,
+        overrides={**wish.settings, **steps},
     )
     return SynthesisRequest(
         source=read_source(wish.sketch),
@@ -72,6 +100,7 @@ def _request(wish: Wish) -> SynthesisRequest:
         seconds=wish.seconds,
         episodes=wish.episodes,
         workers=wish.workers,
+        arguments=wish.arguments,
         trust=wish.trust,
     )
 
@@ -123,6 +152,7 @@ def _as_data(result: SynthesisResult, folder: Path) -> dict[str, object]:
         "program": program_text(result.program),
         "size": result.program.size,
         "returns": {name: estimate_data(found) for name, found in result.returns.items()},
+        "oracle": None if result.oracle is None else result.oracle.origin,
         "folder": str(folder),
         "files": [str(path) for path in (result.program_file, *result.files)],
     }

@@ -10,7 +10,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from pirlc.ir.terms import Term, size
@@ -124,6 +124,10 @@ class Environment:
     arguments: tuple[tuple[str, Scalar], ...] = ()
     span: Span = _span()
 
+    def with_arguments(self, others: tuple[tuple[str, Scalar], ...]) -> Environment:
+        """The same with other values for some arguments, and with further ones behind its own."""
+        return replace(self, arguments=tuple({**dict(self.arguments), **dict(others)}.items()))
+
 
 @dataclass(frozen=True)
 class Interface:
@@ -201,6 +205,10 @@ class Sketch:
     rules: tuple[Rule, ...]
     bodies: tuple[Term, ...]
     properties: tuple[Property, ...] = ()
+
+    def in_environment(self, environment: Environment) -> Sketch:
+        """The same sketch for another environment."""
+        return replace(self, interface=replace(self.interface, environment=environment))
 
     def rule(self, key: str) -> Rule:
         return next(rule for rule in self.rules if rule.key == key)

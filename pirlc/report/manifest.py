@@ -10,9 +10,10 @@ from importlib.metadata import version
 from typing import Any
 
 import pirlc
+from pirlc.ir.policy import Environment
 from pirlc.ir.printer import program_text
 from pirlc.oracle.load import LoadedOracle
-from pirlc.oracle.manifest import to_json
+from pirlc.oracle.manifest import environment_as_json, to_json
 from pirlc.report.request import SynthesisRequest
 from pirlc.search.candidate import as_entry
 from pirlc.search.context import FIRST_EVALUATION_SEED
@@ -41,6 +42,7 @@ def asked_of(request: SynthesisRequest) -> dict[str, Any]:
     """
     return {
         "sketch": sha256(request.source.text.encode()).hexdigest(),
+        "arguments": dict(request.arguments),
         "oracle": None if request.oracle is None else asdict(request.oracle),
         "settings": asdict(request.settings),
         "plan": asdict(request.plan),
@@ -74,6 +76,7 @@ def provenance(
 
 
 def results_of(
+    environment: Environment,
     found: Found,
     ending: Ending,
     spent: Spent,
@@ -85,9 +88,11 @@ def results_of(
     return {
         "state": ending.value,
         "versions": versions(),
+        "environment": environment_as_json(environment),
         "calls_of_search": spent.calls,
         "seconds_of_search": round(spent.seconds, 1),
         "oracle": to_json(oracle.manifest) if oracle and oracle.manifest else None,
+        "oracle_from": None if oracle is None else oracle.origin,
         "program": {
             "size": found.program.size,
             "sha256": sha256(text.encode()).hexdigest(),

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from pirlc.ir.policy import Scalar
 from pirlc.oracle.manifest import Json
 from pirlc.search.settings import Settings
 from pirlc.search.synthesis import Plan
@@ -14,9 +15,14 @@ from pirlc.source import SourceText
 
 @dataclass(frozen=True)
 class OracleRequest:
-    """Where the oracle comes from: `origin` (a path or ``module:function``), or training."""
+    """Where the oracle comes from: `origin` (a path or ``module:function``), or training.
+
+    Without an origin one that comes with the sketch is taken, if it fits and `shipped` says so,
+    rather than training one.
+    """
 
     origin: str | None = None
+    shipped: bool = True
     algorithm: str | None = None
     seed: int | None = None
     overrides: Mapping[str, Json] = field(default_factory=dict)
@@ -27,7 +33,8 @@ class SynthesisRequest:
     """What `pirlc synth` was asked for.
 
     `oracle` None searches by return alone. `calls` and `seconds` bound the search. `episodes` are
-    those of the evaluation at the end; `cache` is where trained oracles are kept.
+    those of the evaluation at the end; `cache` is where trained oracles are kept. `arguments` of
+    the environment take the place of the sketch's.
     """
 
     source: SourceText
@@ -40,4 +47,5 @@ class SynthesisRequest:
     seconds: float | None = None
     episodes: int = 1000
     workers: int = 2
+    arguments: tuple[tuple[str, Scalar], ...] = ()
     trust: bool = False

@@ -30,6 +30,7 @@ from pirlc.simulation.problems import (
     failure,
 )
 
+
 @dataclass(frozen=True)
 class Episode:
     """What a policy saw and did over T steps.
