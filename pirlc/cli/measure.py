@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pirlc.cli.progress import counting
 from pirlc.cli.subjects import Subject
+from pirlc.simulation.native import is_deterministic
 from pirlc.simulation.policy import Policy
 from pirlc.simulation.rollout import ReturnEstimate, estimate, run_return
 from pirlc.simulation.workers import parallel_map, shared_simulator
@@ -21,15 +22,21 @@ _BITS = ((1, "missing"), (2, "out_of_range"), (4, "safe_used"))
 
 @dataclass(frozen=True)
 class Tally:
-    """The return of each episode; for controllers, the steps in all and those of each status."""
+    """The return of each episode; for controllers, the steps in all and those of each status.
+
+    `seeds` are those that were run: in a `deterministic` environment the first alone, for it
+    stands for all.
+    """
 
     returns: NDArray[np.float64]
     steps: int
     statuses: dict[str, int] | None
+    seeds: range
+    deterministic: bool
 
     @property
     def estimate(self) -> ReturnEstimate:
-        return estimate(self.returns)
+        return estimate(self.returns, deterministic=self.deterministic)
 
 
 class _Watched:
@@ -66,6 +73,9 @@ def _play(subject: Subject, trust: bool, seeds: Sequence[int]) -> _Part:
 
 def measure(subject: Subject, seeds: range, workers: int, trust: bool) -> Tally:
     """One episode from each seed; the same for any number of workers."""
+    deterministic = is_deterministic(shared_simulator(subject.environment, trust))
+    if deterministic:
+        seeds = seeds[:1]
     parts: list[_Part] = []
     with counting("episodes", len(seeds)) as (shown, advance):
         # Few large rounds where nobody watches, more small ones for a bar that moves.
@@ -81,7 +91,7 @@ def measure(subject: Subject, seeds: range, workers: int, trust: bool) -> Tally:
             for bit, name in _BITS
         }
     returns = np.array([r for part in parts for r in part.returns])
-    return Tally(returns, sum(part.steps for part in parts), statuses)
+    return Tally(returns, sum(part.steps for part in parts), statuses, seeds, deterministic)
 
 
 def _split(seeds: range, count: int) -> list[range]:
@@ -89,9 +99,9 @@ def _split(seeds: range, count: int) -> list[range]:
     return [seeds[a:b] for a, b in pairwise(cuts) if b > a]
 
 
-def in_words(subject: Subject, tally: Tally, seeds: range) -> str:
+def in_words(subject: Subject, tally: Tally) -> str:
     """What `pirlc rollout` prints."""
-    found = tally.estimate
+    found, seeds = tally.estimate, tally.seeds
     words = "episode" if found.episodes == 1 else "episodes"
     span = f"seeds {seeds[0]} to {seeds[-1]}" if found.episodes > 1 else f"seed {seeds[0]}"
     lines = [
@@ -131,13 +141,14 @@ def estimate_data(found: ReturnEstimate) -> dict[str, object]:
     }
 
 
-def as_data(subject: Subject, tally: Tally, seeds: range) -> dict[str, object]:
+def as_data(subject: Subject, tally: Tally) -> dict[str, object]:
     """The same for `--json`."""
     return {
         "policy": subject.words,
         "environment": subject.environment.id,
         "return": estimate_data(tally.estimate),
-        "first_seed": seeds[0],
+        "first_seed": tally.seeds[0],
+        "deterministic": tally.deterministic,
         "steps": tally.steps,
         "steps_with": tally.statuses,
     }

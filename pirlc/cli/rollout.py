@@ -90,5 +90,5 @@ def command(
         subject = find_subject(session, request)
         seeds = range(seed, seed + episodes)
         tally = measure.measure(subject, seeds, workers, trust)
-    session.say(measure.in_words(subject, tally, seeds))
-    session.finish(measure.as_data(subject, tally, seeds))
+    session.say(measure.in_words(subject, tally))
+    session.finish(measure.as_data(subject, tally))

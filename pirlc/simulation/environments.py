@@ -16,7 +16,7 @@ from gymnasium import spaces
 
 from pirlc.diagnostics import Diagnostic, PirlcError, suggestion
 from pirlc.ir.policy import ActionSpec, Choice, Continuous, Environment, Interface
-from pirlc.simulation.native import is_native, peel
+from pirlc.simulation.native import is_deterministic, is_native
 from pirlc.simulation.problems import (
     BadArguments,
     ComponentMissing,
@@ -201,7 +201,7 @@ def facts_of(simulator: Simulator, environment: Environment) -> EnvironmentFacts
         _sample_time(simulator),
         None if specification is None else specification.reward_threshold,
         is_native(simulator),
-        getattr(peel(simulator)[0], "deterministic", False) is True,
+        is_deterministic(simulator),
     )
 
 

@@ -59,6 +59,11 @@ def is_native(simulator: gym.Env[Any, Any]) -> bool:
     return isinstance(peel(simulator)[0], NativeSimulator)
 
 
+def is_deterministic(simulator: gym.Env[Any, Any]) -> bool:
+    """Whether the environment says, by `deterministic`, that its seed changes nothing."""
+    return getattr(peel(simulator)[0], "deterministic", False) is True
+
+
 def run_native(
     simulator: gym.Env[Any, Any], policy: Policy, seed: int, *, everything: bool
 ) -> Trace | None:
