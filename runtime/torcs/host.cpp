@@ -89,20 +89,15 @@ void deliver_trace() {
     race.trace.clear();
 }
 
-/* The answer to whatever was asked when there is no race to tell of. */
-void deliver_only(const pirlc_frame &last) {
+/* Sends what says that the race has ended, and ends its process. */
+[[noreturn]] void finish(const pirlc_frame &last) {
+    race.over = true;
     if (race.asked.kind == PIRLC_LOCK_STEP) {
         deliver(&last, sizeof last);
     } else {
         race.trace.push_back(last);
         deliver_trace();
     }
-}
-
-/* Sends what says that the race has ended, and ends its process. */
-[[noreturn]] void finish(const pirlc_frame &last) {
-    race.over = true;
-    deliver_only(last);
     _exit(0);
 }
 
@@ -166,27 +161,30 @@ void prepare() {
     }
 }
 
-/* Whether a race was run to its end; if not, its driver is told. */
+/* A race that was not run to its end may have stopped in the middle of a word: nothing more can be
+   said after it, so this process ends too. */
 void await(pid_t child) {
-    int status = -1;
-    if (child > 0)
-        while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
-        }
+    int status = 0;
+    if (child < 0) {
+        dprintf(STDOUT_FILENO, "no process could be made for a race\n");
+        _exit(1);
+    }
+    while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
+    }
     if (status == 0) return;
-    pirlc_frame last = {};
-    last.status = PIRLC_DIED;
-    last.time = status;
-    deliver_only(last);
-    race.trace.clear();
+    if (WIFSIGNALED(status))
+        dprintf(STDOUT_FILENO, "a race was ended by signal %d\n", WTERMSIG(status));
+    else
+        dprintf(STDOUT_FILENO, "a race ended with exit status %d\n", WEXITSTATUS(status));
+    _exit(1);
 }
 
 /* Stays here in the first process; returns in each child, with the race that it has to run. */
 void wait_on_the_grid() {
     while (receive(&race.asked, sizeof race.asked)) {
         if (race.asked.protocol != PIRLC_PROTOCOL) {
-            printf("the host robot was built for another version of pirlc\n");
-            fflush(stdout);
-            break;
+            dprintf(STDOUT_FILENO, "this host was built for another version of pirlc\n");
+            _exit(1);
         }
         if (race.asked.kind == PIRLC_TRACK) {
             deliver_track();

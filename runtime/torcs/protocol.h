@@ -2,7 +2,7 @@
 
    The host is a TORCS robot that stops on the grid, before anything has moved, and waits there.
    Each REQUEST makes it fork: the child races, the parent stays on the grid. So every race starts
-   from the same state, and a race that dies takes nothing with it.
+   from the same state. A race that dies takes the parent with it, which says why on its output.
 
    LOCK_STEP  the child sends a frame, waits for a command, applies it, and so on; the frame with a
               status other than RUNNING is the last.
@@ -44,8 +44,7 @@ enum pirlc_status {
     PIRLC_OUT = 5,           /* TORCS took the car out: too slow a lap, no fuel, too much damage */
     PIRLC_TIME_LIMIT = 6,    /* a truncation, not an end */
     PIRLC_BAD_ACTION = 7,    /* a command that is not finite; it was not applied */
-    PIRLC_NO_CONTROLLER = 8, /* the library could not be loaded */
-    PIRLC_DIED = 9           /* the race's process ended by itself */
+    PIRLC_NO_CONTROLLER = 8  /* the library could not be loaded */
 };
 
 typedef struct {

@@ -38,7 +38,6 @@ class Status(IntEnum):
     TIME_LIMIT = 6
     BAD_ACTION = 7
     NO_CONTROLLER = 8
-    DIED = 9
 
 
 FRAME = (

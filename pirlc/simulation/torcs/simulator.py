@@ -224,26 +224,17 @@ class TorcsProcess:
             (count,) = TRACE_HEADER.unpack(self._receive(TRACE_HEADER.size))
             parts.append(np.frombuffer(self._receive(count * FRAME_BYTES)).reshape(-1, len(FRAME)))
         self._settled()
-        self._check(parts[-1][-1, 0], parts[-1][-1, 2])
         return Trace(parts[0] if len(parts) == 1 else np.concatenate(parts))
 
     def _receive_frame(self) -> None:
         self._receive_into(self._bytes)
-        status = self.values[0]
-        self._racing = status == _RUNNING
-        if not self._racing:
-            self._check(status, self.values[2])
+        self._racing = self.values[0] == _RUNNING
 
     def _settled(self) -> None:
         """The first answer has come: TORCS has read its settings."""
         if self._folder is not None:
             shutil.rmtree(self._folder, ignore_errors=True)
             self._folder = None
-
-    def _check(self, status: float, said: float) -> None:
-        if status == Status.DIED:
-            self.close()
-            raise TorcsDied(f"the race's process ended in the middle of it: {_words(int(said))}")
 
     def _send(self, what: bytes) -> None:
         try:
@@ -377,14 +368,6 @@ def _last_words(log: IO[bytes]) -> str:
 
 
 def _ending(status: int) -> str:
-    """What subprocess's number of how a process ended says."""
     if status >= 0:
         return f"exit status {status}"
     return f"signal {-status} ({signal.strsignal(-status) or 'unknown'})"
-
-
-def _words(status: int) -> str:
-    """The same of a number that wait() gives; negative: there was no process."""
-    if status < 0:
-        return "it could not be started"
-    return _ending(os.waitstatus_to_exitcode(status))

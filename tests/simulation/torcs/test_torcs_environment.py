@@ -11,12 +11,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from tests.simulation.torcs.racing import drive, torcs
 
 from pirlc.ir.policy import Environment
 from pirlc.simulation.environments import BoxActions, facts, make, register_own
 from pirlc.simulation.torcs.readings import READINGS
 from pirlc.simulation.workers import parallel_map
+from tests.simulation.torcs.racing import drive, torcs
 
 pytestmark = pytest.mark.usefixtures("torcs_installation")
 
@@ -178,9 +178,8 @@ def test_disturbances_come_from_the_seed() -> None:
 def test_noise_is_relative_and_of_the_size_that_is_asked() -> None:
     still, noisy = torcs(), torcs(noise=0.05)
     assert still.deterministic
-    quiet, loud = still.reset(seed=0)[0], []
-    for seed in range(200):
-        loud.append(noisy.reset(seed=seed)[0])
+    quiet = still.reset(seed=0)[0]
+    loud = [noisy.reset(seed=seed)[0] for seed in range(200)]
     beams = slice(10, 29)
     ratio = np.array(loud)[:, beams] / quiet[beams]
     assert abs(ratio.mean() - 1) < 0.01

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from tests.simulation.torcs.racing import program, torcs
 
 from pirlc.backend.policies import c_controller
 from pirlc.semantics.policies import InterpretedPolicy
@@ -16,6 +15,7 @@ from pirlc.simulation.torcs.installation import Installation
 from pirlc.simulation.torcs.presets import TERMINATIONS
 from pirlc.simulation.torcs.protocol import FRAME, PART, Conditions, Status
 from pirlc.simulation.torcs.simulator import ROBOTS, Course, TorcsProcess
+from tests.simulation.torcs.racing import program, torcs
 
 pytestmark = pytest.mark.usefixtures("torcs_installation")
 
