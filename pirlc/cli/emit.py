@@ -48,7 +48,7 @@ def command(
     folder: Path,
     real: Literal["double", "float"],
 ) -> None:
-    """Write PROGRAM, a .pirl file with nothing left to choose, as C, Python or a robot for TORCS."""
+    """Write PROGRAM, a .pirl file with nothing left to choose, as C, Python or a TORCS robot."""
     from pirlc.backend.emit import emit_to
 
     paths = emit_to(read_program(session, program), folder, targets, real)

@@ -21,6 +21,7 @@ from pirlc.diagnostics import suggestion
 from pirlc.ir.policy import Environment, Program
 from pirlc.simulation.environments import make
 from pirlc.simulation.torcs.environment import Torcs
+from pirlc.simulation.torcs.protocol import Status
 from pirlc.simulation.torcs.readings import ACTIONS, READINGS
 from pirlc.simulation.torcs.simulator import (
     ROBOTS,
@@ -89,6 +90,8 @@ def race(session: Session, request: RaceRequest) -> None:
         except (TorcsDied, TorcsHangs) as problem:
             raise error(RaceBrokeOff(environment.course.track, str(problem))) from problem
         course = environment.course
+    if trace.status is Status.NO_CONTROLLER:
+        raise error(RaceBrokeOff(course.track, "TORCS could not load the compiled controller"))
     figures = summary(trace)
     data = _as_data(driver, course, request, figures, seconds)
     files: list[Path] = []

@@ -82,7 +82,7 @@ def outcome(figures: RaceSummary) -> str:
             return f"cut off {where}"
         case Status.BAD_ACTION:
             return f"ended by a command that is no number, {where}"
-        case Status.NO_CONTROLLER | Status.DIED | Status.RUNNING:
+        case Status.NO_CONTROLLER | Status.RUNNING:
             return f"broke off {where}"
         case _:
             assert_never(figures.status)
