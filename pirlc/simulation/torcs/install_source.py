@@ -10,6 +10,7 @@ import lzma
 import os
 import re
 import shutil
+import signal
 import subprocess
 import tarfile
 import time
@@ -58,16 +59,18 @@ def fetch(source: str, folder: Path, told: Fraction, lists: Path = SYSTEM_LISTS)
     environment = _private_apt(folder, stanzas)
     package = f"torcs={source}"
     # One list that cannot be had is no obstacle if the others have the package.
-    update = _run(["apt-get", "update", "-q"], folder, environment)
-    listed = _run(["apt-get", "source", "--print-uris", package], folder, environment)
-    sizes = [int(size) for size in re.findall(r"^'\S+' \S+ (\d+) ", listed.stdout, re.MULTILINE)]
-    if listed.returncode != 0 or not sizes:
-        raise failure(SourceUnavailable(source, _reasons(update.stdout + listed.stdout)))
-    command = ["apt-get", "source", "--download-only", "-q", package]
-    said = _watched(command, folder, environment, lambda: told(_size(folder) / sum(sizes)))
+    _, updated = _run(["update", "-q"], folder, environment)
+    _, listed = _run(["source", "--print-uris", package], folder, environment)
+    sizes = [int(size) for size in re.findall(r"^'\S+' \S+ (\d+) ", listed, re.MULTILINE)]
+    if not sizes:
+        raise failure(SourceUnavailable(source, _reasons(updated + listed)))
+    command = ["source", "--download-only", "-q", package]
+    done, said = _run(
+        command, folder, environment, lambda: told(min(1.0, _size(folder) / sum(sizes)))
+    )
     archives = [path for path in folder.glob("torcs_*.orig.tar.*") if path.suffix != ".asc"]
-    if said is not None or len(archives) != 1:
-        raise failure(SourceUnavailable(source, _reasons(said or "")))
+    if not done or len(archives) != 1:
+        raise failure(SourceUnavailable(source, _reasons(said)))
     return archives[0]
 
 
@@ -150,44 +153,32 @@ def _private_apt(folder: Path, stanzas: list[str]) -> dict[str, str]:
 
 
 def _run(
-    command: list[str], folder: Path, environment: dict[str, str]
-) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        command,
-        cwd=folder,
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        errors="replace",
-        check=False,
-    )
-
-
-def _watched(
-    command: list[str], folder: Path, environment: dict[str, str], look: Callable[[], None]
-) -> str | None:
-    """None, or what a command said that failed. `look` is called while it runs."""
+    arguments: list[str],
+    folder: Path,
+    environment: dict[str, str],
+    look: Callable[[], None] = lambda: None,
+) -> tuple[bool, str]:
+    """Whether apt-get did it, and what it said. `look` is called while it runs."""
     with (folder / "apt" / "log").open("w+b") as log:
         with subprocess.Popen(
-            command,
+            ["apt-get", *arguments],
             cwd=folder,
             env=environment,
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=subprocess.STDOUT,
+            start_new_session=True,
         ) as process:
             try:
                 while process.poll() is None:
                     look()
                     time.sleep(0.1)
             except BaseException:
-                process.kill()
+                # With the processes that it has fetching for it.
+                os.killpg(process.pid, signal.SIGKILL)
                 raise
         log.seek(0)
-        said = log.read().decode(errors="replace")
-    return said if process.returncode != 0 else None
+        return process.returncode == 0, log.read().decode(errors="replace")
 
 
 def _size(folder: Path) -> int:
