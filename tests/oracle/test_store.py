@@ -327,7 +327,7 @@ def test_every_code_has_its_page() -> None:
     from pirlc.resources import explanations
 
     assert pirlc.__file__ is not None
-    texts = [file.read_text() for file in Path(pirlc.__file__).parent.rglob("*problems.py")]
+    texts = [file.read_text() for file in Path(pirlc.__file__).parent.rglob("*.py")]
     for letter in ("E05", "E06"):
         used = {code for text in texts for code in re.findall(rf'"({letter}\d\d)"', text)}
         pages = {page.stem for page in explanations().glob(f"{letter}*.md")}
