@@ -94,38 +94,58 @@ size_t Road::piece(const tTrkLocPos &at) const {
     return first_[id] + (k < count ? k : count - 1);
 }
 
-double Road::distance(const tTrkLocPos &at, Point from, double direction) const {
+void Road::look(const tTrkLocPos &at, Point from, double yaw, double *metres) const {
     const size_t n = left_.size(), start = piece(at), after = start + 1 == n ? 0 : start + 1;
-    const Point ray = {cos(direction), sin(direction)};
     /* On the outside of a bend the road reaches a little beyond the pieces' chords. */
     from = right_of(from, left_[start], left_[after]);
     from = right_of(from, right_[after], right_[start]);
     const auto left = [&](size_t i) { return minus(left_[i], from); };
     const auto right = [&](size_t i) { return minus(right_[i], from); };
 
-    /* The ray goes from piece to piece, through the borders between them, until it misses a border:
-       there it has left the road through the side of the piece before. Backwards, if the car
-       stands askew, the sides change places. */
-    const bool forwards = cross(ray, left(after)) > 0 && cross(ray, right(after)) < 0;
-    const bool backwards = cross(ray, left(start)) < 0 && cross(ray, right(start)) > 0;
-    if (!forwards && !backwards) {
-        const bool to_left = cross(minus(left_[after], left_[start]), ray) > 0;
-        const bool to_right = cross(minus(right_[after], right_[start]), ray) < 0;
-        double nearest = RANGE;
-        if (to_left) nearest = fmin(nearest, meeting(ray, left(start), left(after)));
-        if (to_right) nearest = fmin(nearest, meeting(ray, right(start), right(after)));
-        return fmax(nearest, 0.0);
+    /* A ray goes from piece to piece, through the borders between them, until it misses a border:
+       there it has left the road through the side of the piece before. Rays are in order from left
+       to right, so only the outermost of those that are still on the road can miss the next
+       border. Backwards, if the car stands askew, the sides change places. */
+    Point rays[BEAMS];
+    int ahead[BEAMS], behind[BEAMS], all_ahead = 0, all_behind = 0;
+    for (int beam = 0; beam < BEAMS; ++beam) {
+        /* The first beam looks to the left; angles in the plane grow to the left. */
+        const double direction = yaw - DEGREES[beam] * (WHOLE / 360.0);
+        const Point ray = rays[beam] = {cos(direction), sin(direction)};
+        if (cross(ray, left(after)) > 0 && cross(ray, right(after)) < 0) {
+            ahead[all_ahead++] = beam;
+        } else if (cross(ray, left(start)) < 0 && cross(ray, right(start)) > 0) {
+            behind[all_behind++] = beam;
+        } else {
+            const bool to_left = cross(minus(left_[after], left_[start]), ray) > 0;
+            const bool to_right = cross(minus(right_[after], right_[start]), ray) < 0;
+            double nearest = RANGE;
+            if (to_left) nearest = fmin(nearest, meeting(ray, left(start), left(after)));
+            if (to_right) nearest = fmin(nearest, meeting(ray, right(start), right(after)));
+            metres[beam] = fmax(nearest, 0.0);
+        }
     }
-    size_t i = forwards ? after : start; /* the border just passed */
-    for (size_t passed = 0; passed < n; ++passed) {
-        if (dot(ray, left(i)) > RANGE && dot(ray, right(i)) > RANGE) break;
-        const size_t next = forwards ? (i + 1 == n ? 0 : i + 1) : (i == 0 ? n - 1 : i - 1);
-        const double l = cross(ray, left(next)), r = cross(ray, right(next));
-        if (forwards ? l <= 0 : l >= 0) return fmin(RANGE, meeting(ray, left(i), left(next)));
-        if (forwards ? r >= 0 : r <= 0) return fmin(RANGE, meeting(ray, right(i), right(next)));
-        i = next;
+    for (int backwards = 0; backwards <= 1; ++backwards) {
+        const int *beams = backwards ? behind : ahead;
+        int first = 0, last = (backwards ? all_behind : all_ahead) - 1;
+        /* Of what lies behind, the left side is to the right. */
+        const std::vector<Point> &lefts = backwards ? right_ : left_;
+        const std::vector<Point> &rights = backwards ? left_ : right_;
+        size_t i = backwards ? start : after; /* the border just passed */
+        for (size_t passed = 0; passed < n && first <= last; ++passed) {
+            const Point l = minus(lefts[i], from), r = minus(rights[i], from);
+            const double width = sqrt(dot(minus(l, r), minus(l, r)));
+            if (dot(l, l) > (RANGE + width) * (RANGE + width)) break;
+            const size_t next = backwards ? (i == 0 ? n - 1 : i - 1) : (i + 1 == n ? 0 : i + 1);
+            const Point next_l = minus(lefts[next], from), next_r = minus(rights[next], from);
+            for (; first <= last && cross(rays[beams[first]], next_l) <= 0; ++first)
+                metres[beams[first]] = fmin(RANGE, meeting(rays[beams[first]], l, next_l));
+            for (; first <= last && cross(rays[beams[last]], next_r) >= 0; --last)
+                metres[beams[last]] = fmin(RANGE, meeting(rays[beams[last]], r, next_r));
+            i = next;
+        }
+        for (; first <= last; ++first) metres[beams[first]] = RANGE;
     }
-    return RANGE;
 }
 
 double track_position(const tCarElt *car) {
@@ -149,17 +169,14 @@ void read(const tCarElt *car, const Road &road, bool beams, double *readings) {
     readings[RPM] = static_cast<double>(car->_enginerpm) * 10.0 / 10000.0;
     for (int i = 0; i < 4; ++i)
         readings[WHEEL_SPIN + i] = static_cast<double>(car->_wheelSpinVel(i)) / 100.0;
-    const double x = static_cast<double>(car->_pos_X), y = static_cast<double>(car->_pos_Y);
-    const double yaw = static_cast<double>(car->_yaw);
-    for (int i = 0; i < BEAMS; ++i) {
-        double metres = 0;
-        if (beams) {
-            /* The first beam looks to the left; angles in the plane grow to the left. */
-            const double direction = yaw - DEGREES[i] * (WHOLE / 360.0);
-            metres = fabs(position) > 1 ? -1 : road.distance(car->_trkPos, {x, y}, direction);
-        }
-        readings[BEAM + i] = metres / 200.0;
+    double metres[BEAMS] = {};
+    if (beams && fabs(position) > 1) {
+        for (double &beam : metres) beam = -1;
+    } else if (beams) {
+        const double x = static_cast<double>(car->_pos_X), y = static_cast<double>(car->_pos_Y);
+        road.look(car->_trkPos, {x, y}, static_cast<double>(car->_yaw), metres);
     }
+    for (int i = 0; i < BEAMS; ++i) readings[BEAM + i] = metres[i] / 200.0;
 }
 
 int gear_for(double speed) {

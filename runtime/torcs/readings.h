@@ -25,9 +25,9 @@ class Road {
   public:
     explicit Road(tTrack *track);
 
-    /* Distance (m) from a point on the road to the road's edge in a direction (rad), at most RANGE.
-       `at` says where on the road the point is. */
-    double distance(const tTrkLocPos &at, Point from, double direction) const;
+    /* Distances (m) from a point on the road to its edge, at most RANGE, along each of the BEAMS
+       of a car there that faces `yaw` (rad). `at` says where on the road the point is. */
+    void look(const tTrkLocPos &at, Point from, double yaw, double *metres) const;
 
     const std::vector<Point> &left() const { return left_; }
     const std::vector<Point> &right() const { return right_; }

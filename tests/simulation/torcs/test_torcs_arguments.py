@@ -26,8 +26,8 @@ pytestmark = pytest.mark.usefixtures("torcs_installation")
             "error[E0527]: TORCS has no track called `alborg`\n  = help: did you mean `aalborg`?",
         ),
         (
-            {"car": "car-trb1"},
-            "error[E0528]: TORCS has no car called `car-trb1`\n  = help: did you mean `car1-trb1`?",
+            {"car": "car1_trb1"},
+            "error[E0528]: TORCS has no car called `car1_trb1`\n  = help: did you mean `car1-trb1`?",
         ),
         (
             {"reward": "distance"},
