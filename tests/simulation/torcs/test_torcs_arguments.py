@@ -27,7 +27,8 @@ pytestmark = pytest.mark.usefixtures("torcs_installation")
         ),
         (
             {"car": "car1_trb1"},
-            "error[E0528]: TORCS has no car called `car1_trb1`\n  = help: did you mean `car1-trb1`?",
+            "error[E0528]: TORCS has no car called `car1_trb1`\n"
+            "  = help: did you mean `car1-trb1`?",
         ),
         (
             {"reward": "distance"},
