@@ -19,7 +19,7 @@ from pirlc.semantics.histories import HistorySet, histories_of, join
 from pirlc.simulation.policy import Ready
 from pirlc.simulation.rollout import Episode
 from pirlc.simulation.workers import collect_episodes, parallel_map
-from pirlc.tune import TuningProblem, tune
+from pirlc.tune import TuningProblem, joined, separate, tune
 
 _BATCH = 8
 """Templates tuned between two looks at the budget; not a matter of how many processes there are,
@@ -57,10 +57,11 @@ class Imitation:
             TuningProblem(n.expansion.template, histories, labels, dict(n.values))
             for n in templates
         ]
-        keys = [
-            f"{self.digest} {count} {settings.seed} {p.start} {program_text(p.template)}"
-            for p in problems
-        ]
+        parts = [separate(problem) for problem in problems]
+
+        def key(part: TuningProblem) -> str:
+            start, text = dict(part.start), program_text(part.template)
+            return f"{self.digest} {count} {settings.seed} {start} {text}"
 
         def run(missing: Sequence[TuningProblem]) -> list[dict[str, float | dict[str, float]]]:
             found = parallel_map(lambda p: tune(p, settings.seed), missing, search.workers)
@@ -69,11 +70,19 @@ class Imitation:
         candidates = []
         for done in range(0, len(problems), _BATCH):
             search.progress(f"tune ({stage})", done, len(problems))
-            part = slice(done, done + _BATCH)
-            results = search.journal.each("tune", problems[part], keys[part], run)
-            for neighbour, found in zip(templates[part], results, strict=True):
-                values = tuple(sorted(found["values"].items()))
-                candidates.append(Candidate(neighbour.expansion, values, found["distance"]))
+            batch = range(done, min(done + _BATCH, len(problems)))
+            asked = [part for i in batch for part in parts[i]]
+            answers = iter(search.journal.each("tune", asked, list(map(key, asked)), run))
+            for i in batch:
+                found = [next(answers) for _ in parts[i]]
+                if parts[i] == (problems[i],):
+                    values, distance = found[0]["values"], found[0]["distance"]
+                else:
+                    whole = joined(problems[i], [part["values"] for part in found])
+                    values, distance = whole.values, whole.distance
+                candidates.append(
+                    Candidate(templates[i].expansion, tuple(sorted(values.items())), distance)
+                )
                 search.keep(f"tune ({stage})", candidates[-1])
         return candidates
 
