@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -37,7 +37,7 @@ from pirlc.search.candidate import Candidate, as_entry
 from pirlc.search.context import FIRST_EVALUATION_SEED, Search
 from pirlc.search.enumeration import Enumeration
 from pirlc.search.journal import Budget, Journal
-from pirlc.search.settings import Tell
+from pirlc.search.settings import Settings, Tell, default_settings
 from pirlc.search.synthesis import Ending, Found, find_program
 from pirlc.semantics.policies import InterpretedPolicy
 from pirlc.simulation.environments import EnvironmentFacts, check_interface, facts
@@ -80,13 +80,14 @@ def synthesize(
     misfits = check_interface(sketch.interface, known, request.source)
     if any(found.severity is Severity.ERROR for found in misfits):
         raise PirlcError(misfits)
-    if not any(map(Enumeration(sketch).count, range(1, request.settings.largest + 1))):
-        raise error(NothingSoSmall(request.settings.largest))
+    settings = _settings(sketch, request, known)
+    if not any(map(Enumeration(sketch).count, range(1, settings.largest + 1))):
+        raise error(NothingSoSmall(settings.largest))
     find_compiler()  # A missing one is told before the search, not after it.
     tell_warnings((*warnings, *misfits))
-    run = open_run(request.folder, asked_of(request))
+    run = open_run(request.folder, asked_of(request, settings))
     write_text(run.folder / "sketch.pirl", request.source.text)
-    oracle = _oracle(request, environment, known, tell_training)
+    oracle = _oracle(request, environment, known, settings.seed, tell_training)
     if oracle is not None:
         tell_oracle(oracle)
     with (
@@ -97,7 +98,7 @@ def synthesize(
         search = Search(
             sketch,
             environment,
-            request.settings,
+            settings,
             journal,
             request.workers,
             tell,
@@ -114,7 +115,7 @@ def synthesize(
         if found is None:
             raise error(NothingFound())
         program = found.program.program
-        text = program_text(program, provenance(request, oracle, found))
+        text = program_text(program, provenance(request, settings.seed, oracle, found))
         program_file = write_text(run.folder / f"{sketch.interface.name}.pirl", text)
         files = _emit(program, run)
         returns, ending = _evaluate(request, run, search, found, oracle)
@@ -135,10 +136,19 @@ def _environment(sketch: Sketch, request: SynthesisRequest) -> tuple[Environment
     return environment, facts(environment, request.trust)
 
 
+def _settings(sketch: Sketch, request: SynthesisRequest, known: EnvironmentFacts) -> Settings:
+    if request.settings is not None:
+        return request.settings
+    settings = default_settings(actions=len(sketch.interface.actions), native=known.native)
+    largest = settings.largest if request.largest is None else request.largest
+    return replace(settings, seed=request.seed, largest=largest)
+
+
 def _oracle(
     request: SynthesisRequest,
     environment: Environment,
     known: EnvironmentFacts,
+    seed: int,
     tell: Callable[[TrainingProgress], None],
 ) -> LoadedOracle | None:
     wish = request.oracle
@@ -156,7 +166,7 @@ def _oracle(
         environment,
         known,
         algorithm=wish.algorithm,
-        seed=request.settings.seed if wish.seed is None else wish.seed,
+        seed=seed if wish.seed is None else wish.seed,
         overrides=wish.overrides,
     )
     stored = train_or_load(training, request.cache / "oracles", tell, trust=request.trust)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from pirlc.cli.arguments import Arguments
@@ -17,7 +17,6 @@ from pirlc.oracle.manifest import Json
 from pirlc.oracle.store import default_cache
 from pirlc.pipeline import SynthesisResult, synthesize
 from pirlc.report.request import OracleRequest, SynthesisRequest
-from pirlc.search.settings import Settings
 from pirlc.search.synthesis import Ending, Plan
 
 
@@ -77,9 +76,6 @@ def oracle_in_words(oracle: LoadedOracle) -> str:
 
 
 def _request(wish: Wish) -> SynthesisRequest:
-    settings = Settings(seed=wish.seed)
-    if wish.max_size is not None:
-        settings = replace(settings, largest=wish.max_size)
     steps = {} if wish.oracle_steps is None else {"steps": wish.oracle_steps}
     train = wish.origin == TRAIN
     oracle = OracleRequest(
@@ -94,7 +90,8 @@ def _request(wish: Wish) -> SynthesisRequest:
         folder=wish.folder,
         cache=default_cache().parent,
         oracle=None if wish.no_oracle else oracle,
-        settings=settings,
+        seed=wish.seed,
+        largest=wish.max_size,
         plan=Plan(augment=not wish.no_augment, refine=not wish.no_refine),
         calls=wish.calls,
         seconds=wish.seconds,

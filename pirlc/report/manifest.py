@@ -17,6 +17,7 @@ from pirlc.oracle.manifest import environment_as_json, to_json
 from pirlc.report.request import SynthesisRequest
 from pirlc.search.candidate import as_entry
 from pirlc.search.context import FIRST_EVALUATION_SEED
+from pirlc.search.settings import Settings
 from pirlc.search.synthesis import Ending, Found
 from pirlc.simulation.rollout import ReturnEstimate
 
@@ -34,7 +35,7 @@ class Spent:
     seconds: float
 
 
-def asked_of(request: SynthesisRequest) -> dict[str, Any]:
+def asked_of(request: SynthesisRequest, settings: Settings) -> dict[str, Any]:
     """What a run is a run of. The same request resumes it; where results go plays no part.
 
     Neither do the number of processes, which no result depends on, nor the bounds on calls and
@@ -44,7 +45,7 @@ def asked_of(request: SynthesisRequest) -> dict[str, Any]:
         "sketch": sha256(request.source.text.encode()).hexdigest(),
         "arguments": dict(request.arguments),
         "oracle": None if request.oracle is None else asdict(request.oracle),
-        "settings": asdict(request.settings),
+        "settings": asdict(settings),
         "plan": asdict(request.plan),
         "episodes": request.episodes,
     }
@@ -58,7 +59,7 @@ def versions() -> dict[str, str]:
 
 
 def provenance(
-    request: SynthesisRequest, oracle: LoadedOracle | None, found: Found
+    request: SynthesisRequest, seed: int, oracle: LoadedOracle | None, found: Found
 ) -> tuple[str, ...]:
     """The comment at the head of a synthesised program."""
     if oracle is None:
@@ -69,7 +70,7 @@ def provenance(
         by = f"to imitate {oracle.manifest.algorithm} (weights {oracle.manifest.sha256[:12]})"
     digest = sha256(request.source.text.encode()).hexdigest()
     return (
-        f"Synthesised by pirlc {pirlc.__version__} {by}, seed {request.settings.seed}.",
+        f"Synthesised by pirlc {pirlc.__version__} {by}, seed {seed}.",
         f"{found.program.size} nodes. Sketch (SHA-256): {digest}",
         "The numbers may be changed here or overridden in emitted code.",
     )

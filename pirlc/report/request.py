@@ -32,16 +32,19 @@ class OracleRequest:
 class SynthesisRequest:
     """What `pirlc synth` was asked for.
 
-    `oracle` None searches by return alone. `calls` and `seconds` bound the search. `episodes` are
-    those of the evaluation at the end; `cache` is where trained oracles are kept. `arguments` of
-    the environment take the place of the sketch's.
+    `settings` None takes those that suit the environment, with `seed` and, where it is given,
+    `largest`. `oracle` None searches by return alone. `calls` and `seconds` bound the search.
+    `episodes` are those of the evaluation at the end; `cache` is where trained oracles are kept.
+    `arguments` of the environment take the place of the sketch's.
     """
 
     source: SourceText
     folder: Path
     cache: Path
     oracle: OracleRequest | None = field(default_factory=OracleRequest)
-    settings: Settings = field(default_factory=Settings)
+    settings: Settings | None = None
+    seed: int = 0
+    largest: int | None = None
     plan: Plan = field(default_factory=Plan)
     calls: int | None = None
     seconds: float | None = None

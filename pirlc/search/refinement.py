@@ -23,10 +23,6 @@ from pirlc.tune import natural_scales
 _STEP = 0.3
 """CMA-ES's first step, in the natural scales of the parameters."""
 
-_EPISODES = 10
-"""Of each program of a generation: few, for many noisy generations get further than few exact
-ones."""
-
 _HEATS = ((32, 0.4), (10, 1.6), (4, 10.0))
 """How many of the best programs sampled go on at the end, and to how many episodes, in units of
 `Settings.episodes`."""
@@ -120,7 +116,7 @@ class _Climb:
         self.generation = 0
         self.score = start.mean
         self.samples: list[Candidate] = []
-        self._episodes = search.episodes(_EPISODES)
+        self._episodes = search.episodes(search.settings.climb_episodes)
         self._flat = 0
         self._names = [p.name for p in template.free]
         # CMA-ES wants at least two dimensions; a single parameter gets an idle companion.

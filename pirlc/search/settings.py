@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pirlc.search.candidate import Candidate
 
@@ -14,7 +14,7 @@ class Settings:
 
     Attributes:
         seed: of everything random in the search.
-        largest: the largest size of a program template.
+        largest: the largest size of a program template, of all actions together.
         create_episodes: episodes of the oracle that `create_histories` records.
         update_episodes: episodes of the program that `update_histories` adds.
         histories: the histories that tuning and distances look at (a random sample).
@@ -27,6 +27,8 @@ class Settings:
         episodes: episodes of `collect_reward`.
         refined: how many structures the refinement on return starts with.
         refine_episodes: the episodes that the refinement may simulate.
+        climb_episodes: the episodes of each program of a generation: few, for many noisy
+            generations get further than few exact ones.
     """
 
     seed: int = 0
@@ -43,6 +45,27 @@ class Settings:
     episodes: int = 100
     refined: int = 4
     refine_episodes: int = 40_000
+    climb_episodes: int = 10
+
+
+def default_settings(*, actions: int = 1, native: bool = False) -> Settings:
+    """The settings for a sketch of this many actions.
+
+    `native`: the environment runs compiled programs by itself. It does so because an episode is
+    costly: a race in TORCS takes a tenth of a second and more, where one of CartPole takes a
+    millisecond.
+    """
+    settings = Settings(largest=Settings.largest * actions)
+    if not native:
+        return settings
+    return replace(
+        settings,
+        create_episodes=6,
+        update_episodes=3,
+        episodes=8,
+        refine_episodes=2_400,
+        climb_episodes=2,
+    )
 
 
 @dataclass(frozen=True)
