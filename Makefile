@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt
 PYTEST_ARGS ?= -n auto
 
-.PHONY: help synth test lint slow bench clean
+.PHONY: help synth test lint slow bench bench-torcs clean
 .DEFAULT_GOAL := help
 
 help:
@@ -14,7 +14,7 @@ help:
 	@echo "make test    lint, then the tests"
 	@echo "make lint    formatting, style, types, layers"
 	@echo "make slow    the long checks"
-	@echo "make bench   the benchmarks"
+	@echo "make bench   the benchmarks; bench-torcs: the experiments in TORCS (hours)"
 	@echo "make clean   remove $(VENV), runs and caches"
 
 synth: $(VENV)/installed
@@ -35,6 +35,11 @@ slow: $(VENV)/installed-dev
 bench: $(VENV)/installed-dev
 	@$(BIN)/python -m benchmarks.scoring
 	@$(BIN)/python -m benchmarks.step_instructions
+
+bench-torcs: $(VENV)/installed-dev
+	@$(BIN)/pirlc torcs install
+	@for name in synthesise performance smoothness transfer environment robustness; do \
+	    $(BIN)/python -m benchmarks.torcs.$$name || exit 1; done
 
 clean:
 	@rm -rf $(VENV) build dist runs *.egg-info

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 
 from benchmarks.torcs import paper
@@ -56,10 +57,13 @@ class Network:
 
 @dataclass(frozen=True)
 class Driver:
-    """`trained_on` None: on no track. `rival`: the row of the paper's tables it is set beside."""
+    """`digest`: of the program's file or the network's weights. `trained_on` None: on no track.
+    `rival`: the row of the paper's tables that it is set beside.
+    """
 
     name: str
     wheel: CompiledProgram | Network | Robot
+    digest: str = ""
     trained_on: str | None = None
     rival: str | None = None
 
@@ -76,6 +80,10 @@ class Driver:
 def read_program(path: Path) -> Program:
     source = SourceText(path.name, path.read_text(encoding="utf-8"))
     return program_in(source, parse_sketch(source))
+
+
+def _digest(path: Path) -> str:
+    return sha256(path.read_bytes()).hexdigest()
 
 
 def nodes_of(program: Program) -> dict[str, int]:
@@ -101,7 +109,8 @@ def printed(libraries: Path) -> Iterator[Driver]:
     for track in paper.TRAINING:
         path = PRINTED / f"{track}.pirl"
         if path.is_file():
-            yield Driver(f"printed in the paper: {track}", compiled(path, libraries), track, "NDPS")
+            name = f"printed in the paper: {track}"
+            yield Driver(name, compiled(path, libraries), _digest(path), track, paper.NDPS)
 
 
 _RIVALS = {"paper": paper.NDPS, "noif": paper.NOIF, "racer": None}
@@ -117,7 +126,8 @@ def synthesised(
             if found is not None:
                 track, seed = found[2], found[3]
                 name = f"{sketch}.pirl, {track}, seed {seed}"
-                yield Driver(name, compiled(path, libraries), track, _RIVALS[sketch])
+                rival = _RIVALS[sketch]
+                yield Driver(name, compiled(path, libraries), _digest(path), track, rival)
 
 
 def oracles(folder: Path, held: bool = False) -> Iterator[Driver]:
@@ -130,6 +140,7 @@ def oracles(folder: Path, held: bool = False) -> Iterator[Driver]:
         yield Driver(
             f"{name}, holding" if held else name,
             Network(stored.oracle, held),
+            stored.manifest.sha256,
             str(trained.get("track", paper.AALBORG)),
             None if brakes else paper.DRL,
         )

@@ -14,8 +14,8 @@ from __future__ import annotations
 import os
 import statistics
 import time
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,7 +24,7 @@ import numpy as np
 
 from benchmarks.torcs import paper
 from benchmarks.torcs.drivers import PRINTED, CompiledProgram, compiled, read_program
-from benchmarks.torcs.telling import arguments, number, table, tell
+from benchmarks.torcs.telling import number, parser_of, table, tell
 from pirlc.ir.policy import Environment
 from pirlc.semantics.policies import InterpretedPolicy
 from pirlc.simulation.environments import make
@@ -60,6 +60,17 @@ def repeated(measure: Callable[[], float], repeats: int) -> Measured:
     measure()
     values = [measure() for _ in range(repeats)]
     return Measured(statistics.median(values), min(values), max(values))
+
+
+@contextmanager
+def one_core() -> Iterator[None]:
+    """Keeps this process, and what it starts, on one core."""
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(allowed)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, allowed)
 
 
 def torcs(laps: int = 3) -> Torcs:
@@ -164,15 +175,13 @@ def same_race(environment: Torcs, file: Path, program: CompiledProgram) -> tuple
     return over and step == len(trace.rewards), step
 
 
-def main() -> None:
-    parser = arguments("benchmarks.torcs.environment", __doc__)
+def main(words: list[str] | None = None) -> None:
+    parser = parser_of("benchmarks.torcs.environment", __doc__)
     parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--resets", type=int, default=RESETS)
-    chosen = parser.parse_args()
-    # On one core, which the simulator inherits.
-    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    chosen = parser.parse_args(words)
     file = PRINTED / f"{paper.AALBORG}.pirl"
-    with TemporaryDirectory(prefix="pirlc-") as place, closing(torcs()) as environment:
+    with one_core(), TemporaryDirectory() as place, closing(torcs()) as environment:
         program = compiled(file, Path(place))
         environment.reset(seed=0)
         of = chosen.repeats
@@ -194,13 +203,13 @@ def main() -> None:
         for (name, m), (bar, digits) in zip(measured.items(), bars, strict=True)
     ]
     growth = [
-        [name, f"{getattr(before, key) / unit:,.1f}", f"{getattr(after, key) / unit:,.1f}"]
-        for name, key, unit in (
-            ("memory of Python, MB", "python", 1e6),
-            ("memory of TORCS, MB", "torcs", 1e6),
-            ("descriptors of Python", "descriptors", 1),
-            ("descriptors of TORCS", "torcs_descriptors", 1),
-            ("processes of TORCS", "processes", 1),
+        [name, *(number(getattr(at, key) / unit, digits) for at in (before, after))]
+        for name, key, unit, digits in (
+            ("memory of Python, MB", "python", 1e6, 1),
+            ("memory of TORCS, MB", "torcs", 1e6, 1),
+            ("descriptors of Python", "descriptors", 1, 0),
+            ("descriptors of TORCS", "torcs_descriptors", 1, 0),
+            ("processes of TORCS", "processes", 1, 0),
         )
     ]
     agreement = (

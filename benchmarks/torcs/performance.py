@@ -17,13 +17,13 @@ from benchmarks.torcs import paper
 from benchmarks.torcs.drivers import Driver, oracles, printed, robots, synthesised
 from benchmarks.torcs.racing import WHOLE, race
 from benchmarks.torcs.telling import (
-    arguments,
     as_data,
     ending,
     laps,
     nodes,
     number,
     of_paper,
+    racing_parser,
     table,
     tell,
 )
@@ -60,8 +60,8 @@ def row(driver: Driver, track: str, figures: RaceSummary) -> tuple[str, ...]:
     )
 
 
-def main() -> None:
-    chosen = arguments("benchmarks.torcs.performance", __doc__).parse_args()
+def main(words: list[str] | None = None) -> None:
+    chosen = racing_parser("benchmarks.torcs.performance", __doc__).parse_args(words)
     texts, data = [], []
     with TemporaryDirectory(prefix="pirlc-") as libraries:
         drivers = list(field(chosen.programs, chosen.oracles, Path(libraries)))
@@ -69,7 +69,7 @@ def main() -> None:
             rows = []
             for driver in drivers:
                 if driver.fits(track):
-                    figures = summary(race(driver, track, WHOLE))
+                    figures = summary(race(driver, track, WHOLE, chosen.laps))
                     rows.append(row(driver, track, figures))
                     told = {"track": track, "driver": driver.name, "nodes": driver.nodes}
                     data.append({**told, **as_data(figures)})

@@ -1,6 +1,6 @@
 """How far drivers come with blocked sensors: the paper's Table partial and its figure.
 
-    python -m benchmarks.torcs.robustness [--races 100] [--blocked rpm,trackPos]
+    python -m benchmarks.torcs.robustness [--races 100] [--blocked rpm,trackPos] [--holding]
 
 In each step each of the sensors is missing with the given probability. A race of three laps counts
 until the car crashes: it hits something (its damage grows), is beyond 2.7 of the half width of the
@@ -10,20 +10,34 @@ Aalborg the program that it prints does so in every lap, with nothing blocked. T
 then is given as well.
 
 What is missing is NaN. A program holds the last good reading unless its file says otherwise, as
-these do not; a network sees 0. The rows "holding" show the networks with the programs' rule.
+these do not; a network sees 0. --holding adds rows of networks with the programs' rule.
+
+The outcomes of races are kept in a journal, runs/torcs/robustness.jsonl: an interrupted command
+goes on from there, and another driver costs its own races alone.
 """
 
 from __future__ import annotations
 
+import json
+import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from benchmarks.torcs import paper
-from benchmarks.torcs.drivers import CompiledProgram, Driver, oracles, printed, synthesised
+from benchmarks.torcs.drivers import (
+    ROOT,
+    CompiledProgram,
+    Driver,
+    Network,
+    oracles,
+    printed,
+    synthesised,
+)
 from benchmarks.torcs.racing import (
     UNTIL_CRASH,
     crashed,
@@ -31,17 +45,22 @@ from benchmarks.torcs.racing import (
     distance_to_crash,
     race,
 )
-from benchmarks.torcs.telling import arguments, save, table, tell
+from benchmarks.torcs.telling import racing_parser, save, table, tell
 from pirlc.simulation.rollout import ReturnEstimate, estimate
 from pirlc.simulation.workers import parallel_map
 
 PROBABILITIES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+
+JOURNAL = ROOT / "runs" / "torcs" / "robustness.jsonl"
 
 OWN = "own"
 """Instead of names of readings: those that the program has sensors for."""
 
 _PIECE = 10
 """Races that a worker does at a time."""
+
+_ROUND = 20
+"""Pieces after which the journal is written: what an interruption may lose."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +71,16 @@ class Work:
     track: str
     blocked: tuple[str, ...]
     probability: float
+    laps: int
     seeds: tuple[int, ...]
+
+    @property
+    def key(self) -> str:
+        """What the outcomes depend on."""
+        held = isinstance(self.driver.wheel, Network) and self.driver.wheel.held
+        who = self.driver.digest + (" holding" if held else "")
+        what = f"{self.track} {self.laps} {','.join(self.blocked)} {self.probability}"
+        return f"{who} {what} {self.seeds[0]}-{self.seeds[-1]}"
 
 
 @dataclass(frozen=True)
@@ -79,7 +107,7 @@ def run(work: Work) -> list[Outcome]:
         blocking = replace(
             UNTIL_CRASH, blocked=work.blocked, block_probability=work.probability, seed=seed
         )
-        trace = race(work.driver, work.track, blocking)
+        trace = race(work.driver, work.track, blocking, work.laps)
         outcomes.append(Outcome(distance_to_crash(trace), distance_on_road(trace), crashed(trace)))
     return outcomes
 
@@ -91,22 +119,45 @@ def blocked_for(driver: Driver, wish: str) -> tuple[str, ...]:
 
 
 def plan(
-    driver: Driver, track: str, wish: str, probabilities: Sequence[float], races: int
+    driver: Driver, track: str, wish: str, probabilities: Sequence[float], races: int, laps: int
 ) -> list[Work]:
     """Without blocking all races are the same race."""
-    blocked = blocked_for(driver, wish)
+    work = partial(Work, driver, track, blocked_for(driver, wish))
     return [
-        Work(driver, track, blocked, probability, tuple(range(first, min(first + _PIECE, count))))
+        work(probability, laps, tuple(range(first, min(first + _PIECE, count))))
         for probability in probabilities
         for count in [races if probability > 0.0 else 1]
         for first in range(0, count, _PIECE)
     ]
 
 
-def points(works: Sequence[Work], workers: int) -> dict[tuple[str, str], dict[float, Point]]:
+def run_all(works: Sequence[Work], workers: int, journal: Path) -> list[list[Outcome]]:
+    """The outcomes of each; those that are in the journal are taken from it, others added to it."""
+    known: dict[str, list[Outcome]] = {}
+    if journal.exists():
+        for line in journal.read_text(encoding="utf-8").splitlines():
+            entry = json.loads(line)
+            known[entry["key"]] = [Outcome(*outcome) for outcome in entry["outcomes"]]
+    journal.parent.mkdir(parents=True, exist_ok=True)
+    ahead = [work for work in works if work.key not in known]
+    with journal.open("a", encoding="utf-8") as file:
+        for first in range(0, len(ahead), _ROUND):
+            some = ahead[first : first + _ROUND]
+            for work, outcomes in zip(some, parallel_map(run, some, workers), strict=True):
+                known[work.key] = outcomes
+                entry = {"key": work.key, "outcomes": [astuple(o) for o in outcomes]}
+                file.write(json.dumps(entry) + "\n")
+            file.flush()
+            print(f"{first + len(some):,} of {len(ahead):,}", file=sys.stderr, flush=True)
+    return [known[work.key] for work in works]
+
+
+def points(
+    works: Sequence[Work], workers: int, journal: Path
+) -> dict[tuple[str, str], dict[float, Point]]:
     """By driver and track, and by probability."""
     races: dict[tuple[str, str], dict[float, list[Outcome]]] = {}
-    for work, outcomes in zip(works, parallel_map(run, works, workers), strict=True):
+    for work, outcomes in zip(works, run_all(works, workers, journal), strict=True):
         of_driver = races.setdefault((work.driver.name, work.track), {})
         of_driver.setdefault(work.probability, []).extend(outcomes)
     return {
@@ -131,6 +182,8 @@ def cell(point: Point) -> str:
 
 
 def _distance(found: ReturnEstimate) -> str:
+    if found.exact:
+        return f"{found.mean:,.0f}"
     return f"{found.mean:,.0f} ± {(found.high - found.low) / 2:,.0f}"
 
 
@@ -176,7 +229,8 @@ def plot(by_track: dict[str, dict[str, dict[float, Point]]], to: Path) -> Path:
             if where == track:
                 marker = "x" if rival == paper.DRL else "*"
                 label = f"the paper's {rival}"
-                axes.scatter(list(known), list(known.values()), marker=marker, s=60, label=label)
+                at, metres = list(known), list(known.values())
+                axes.scatter(at, metres, marker=marker, s=60, color="black", zorder=3, label=label)
         axes.set_title(paper.TITLES[track])
         axes.set_xlabel("probability that a reading is blocked")
         axes.set_ylabel("distance to the crash (m)")
@@ -185,31 +239,34 @@ def plot(by_track: dict[str, dict[str, dict[float, Point]]], to: Path) -> Path:
     return save(figure, to)
 
 
-def main() -> None:
-    parser = arguments("benchmarks.torcs.robustness", __doc__)
+def main(words: list[str] | None = None) -> None:
+    parser = racing_parser("benchmarks.torcs.robustness", __doc__)
     parser.add_argument("--races", type=int, default=100, help="seeds for each probability")
     parser.add_argument("--blocked", default="rpm,trackPos", help="readings, or `own`")
     parser.add_argument("--probabilities", type=float, nargs="+", default=list(PROBABILITIES))
     parser.add_argument("--tracks", nargs="+", default=list(paper.TRAINING), choices=paper.TRAINING)
+    parser.add_argument("--holding", action="store_true", help="oracles that hold readings as well")
     parser.add_argument("--workers", type=int, default=2)
-    chosen = parser.parse_args()
+    parser.add_argument("--journal", type=Path, default=JOURNAL, help="races that were done")
+    chosen = parser.parse_args(words)
     with TemporaryDirectory(prefix="pirlc-") as place:
         libraries = Path(place)
         drivers = [
             *oracles(chosen.oracles),
-            *oracles(chosen.oracles, held=True),
+            *(oracles(chosen.oracles, held=True) if chosen.holding else ()),
             *synthesised(chosen.programs, libraries, ("paper",)),
             *printed(libraries),
             *synthesised(chosen.programs, libraries, ("racer",)),
         ]
+        wish = chosen.blocked, chosen.probabilities, chosen.races, chosen.laps
         works = [
             work
             for track in chosen.tracks
             for driver in drivers
             if driver.fits(track)
-            for work in plan(driver, track, chosen.blocked, chosen.probabilities, chosen.races)
+            for work in plan(driver, track, *wish)
         ]
-        found = points(works, chosen.workers)
+        found = points(works, chosen.workers, chosen.journal)
     by_track = {
         track: {name: each for (name, where), each in found.items() if where == track}
         for track in chosen.tracks

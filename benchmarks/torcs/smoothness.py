@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.torcs import paper
 from benchmarks.torcs.drivers import Driver, oracles, printed, synthesised
 from benchmarks.torcs.racing import WHOLE, race
-from benchmarks.torcs.telling import arguments, ending, number, save, table, tell
+from benchmarks.torcs.telling import ending, number, racing_parser, save, table, tell
 from pirlc.simulation.torcs.protocol import Trace
 from pirlc.simulation.torcs.summary import summary
 
@@ -72,8 +72,8 @@ def shown(traces: Mapping[str, Trace]) -> dict[str, Trace]:
     return {name: traces[name] for name in list(kinds.values())[: len(_COLORS)]}
 
 
-def main() -> None:
-    chosen = arguments("benchmarks.torcs.smoothness", __doc__).parse_args()
+def main(words: list[str] | None = None) -> None:
+    chosen = racing_parser("benchmarks.torcs.smoothness", __doc__).parse_args(words)
     texts, data = [], []
     with TemporaryDirectory(prefix="pirlc-") as libraries:
         drivers = list(field(chosen.programs, chosen.oracles, Path(libraries)))
@@ -82,7 +82,7 @@ def main() -> None:
             for driver in drivers:
                 if not driver.fits(track):
                     continue
-                trace = traces[driver.name] = race(driver, track, WHOLE)
+                trace = traces[driver.name] = race(driver, track, WHOLE, chosen.laps)
                 figures, rival = summary(trace), driver.rival
                 known = paper.SMOOTHNESS.get((rival, track)) if rival else None
                 rows.append(

@@ -46,16 +46,16 @@ def manifest_of(run: Path) -> dict[str, Any] | None:
     return manifest if manifest.get("state") in FINISHED else None
 
 
-def synthesise(words: list[str], run: Path) -> dict[str, Any]:
+def synthesise(asked: list[str], run: Path) -> dict[str, Any]:
     """Runs the command unless it is finished: what it took, in s. Raises SystemExit if it fails."""
     if manifest_of(run) is not None:
         return {}
     resumed = run.exists()
     start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run([sys.executable, "-m", "pirlc", *words], cwd=ROOT, check=False)
+    done = subprocess.run([sys.executable, "-m", "pirlc", *asked], cwd=ROOT, check=False)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode != 0 or manifest_of(run) is None:
-        raise SystemExit(f"pirlc {' '.join(words)}\nended with {done.returncode}")
+        raise SystemExit(f"pirlc {' '.join(asked)}\nended with {done.returncode}")
     cores = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return {
         "wall_seconds": round(time.perf_counter() - start, 1),
@@ -110,7 +110,7 @@ def record(line: dict[str, Any], folder: Path) -> None:
     write_text(path, text)
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.torcs.synthesise",
         description=__doc__,
@@ -123,7 +123,7 @@ def main() -> None:
     parser.add_argument("--sketches", type=Path, default=EXAMPLES, help="folder of the sketches")
     parser.add_argument("--output", type=Path, default=SYNTHESISED, help="folder of the programs")
     parser.add_argument("options", nargs="*", help="given to pirlc synth")
-    chosen = parser.parse_args()
+    chosen = parser.parse_args(words)
     chosen.output.mkdir(parents=True, exist_ok=True)
     for seed in chosen.seed:
         for track in chosen.track:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import math
 from collections.abc import Iterable, Sequence
@@ -11,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from benchmarks.torcs import paper
 from benchmarks.torcs.drivers import ORACLES, ROOT, SYNTHESISED
+from benchmarks.torcs.racing import LAPS
 from pirlc.backend.files import write_bytes, write_text
+from pirlc.simulation.torcs.protocol import Status
 from pirlc.simulation.torcs.summary import RaceSummary, outcome
 
 if TYPE_CHECKING:
@@ -20,17 +23,23 @@ if TYPE_CHECKING:
 RESULTS = ROOT / "benchmarks" / "results" / "torcs"
 
 
-def arguments(prog: str, description: str | None) -> argparse.ArgumentParser:
-    """A parser of what all experiments can be told."""
-    assert description is not None
+def parser_of(prog: str, description: str | None) -> argparse.ArgumentParser:
+    """A parser of what every experiment can be told."""
     parser = argparse.ArgumentParser(
         prog=f"python -m {prog}",
         description=description,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--output", type=Path, default=RESULTS, help="folder of the results")
+    return parser
+
+
+def racing_parser(prog: str, description: str | None) -> argparse.ArgumentParser:
+    """The same for experiments that race programs and oracles."""
+    parser = parser_of(prog, description)
     parser.add_argument("--programs", type=Path, default=SYNTHESISED, help="synthesised programs")
     parser.add_argument("--oracles", type=Path, default=ORACLES, help="folder of oracles")
+    parser.add_argument("--laps", type=int, default=LAPS, help="of a race")
     return parser
 
 
@@ -61,8 +70,6 @@ def plain(data: object) -> Any:
 
 
 def save(figure: Figure, to: Path) -> Path:
-    import io
-
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     FigureCanvasAgg(figure)
@@ -78,8 +85,6 @@ def number(value: float, digits: int) -> str:
 
 def ending(figures: RaceSummary) -> str:
     """`-` for a race that was finished, else how it ended."""
-    from pirlc.simulation.torcs.protocol import Status
-
     return "-" if figures.status is Status.FINISHED else outcome(figures)
 
 

@@ -17,9 +17,9 @@ from tempfile import TemporaryDirectory
 from benchmarks.torcs import paper
 from benchmarks.torcs.drivers import Driver, oracles, printed, synthesised
 from benchmarks.torcs.racing import UNTIL_CRASH, race
-from benchmarks.torcs.telling import arguments, as_data, number, of_paper, table, tell
+from benchmarks.torcs.telling import as_data, number, of_paper, racing_parser, table, tell
 from pirlc.simulation.torcs.protocol import Status
-from pirlc.simulation.torcs.summary import RaceSummary, summary
+from pirlc.simulation.torcs.summary import RaceSummary, outcome, summary
 
 HEAD = (
     *("driver", "track", "mean lap, s", "reward", "damage", "largest abs(trackPos)"),
@@ -33,10 +33,8 @@ def finished(figures: RaceSummary) -> bool:
 
 
 def result(figures: RaceSummary) -> str:
-    """The mean lap, or how far the car came."""
-    if finished(figures):
-        return number(figures.mean_lap, 2)
-    return f"crashed after {figures.distance:,.0f} m"
+    """The mean lap, or how the race ended and how far the car came."""
+    return number(figures.mean_lap, 2) if finished(figures) else outcome(figures)
 
 
 def row(driver: Driver, track: str, figures: RaceSummary) -> tuple[str, ...]:
@@ -59,8 +57,8 @@ def short(figures: RaceSummary) -> str:
     return result(figures) + hurt
 
 
-def main() -> None:
-    chosen = arguments("benchmarks.torcs.transfer", __doc__).parse_args()
+def main(words: list[str] | None = None) -> None:
+    chosen = racing_parser("benchmarks.torcs.transfer", __doc__).parse_args(words)
     texts, data = [], []
     with TemporaryDirectory(prefix="pirlc-") as place:
         libraries = Path(place)
@@ -76,7 +74,7 @@ def main() -> None:
         def raced(driver: Driver, track: str) -> RaceSummary:
             key = driver.name, track
             if key not in races:
-                races[key] = summary(race(driver, track, UNTIL_CRASH))
+                races[key] = summary(race(driver, track, UNTIL_CRASH, chosen.laps))
                 told = {"driver": driver.name, "trained_on": driver.trained_on, "track": track}
                 data.append({**told, "finished": finished(races[key]), **as_data(races[key])})
             return races[key]
