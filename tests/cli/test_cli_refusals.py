@@ -74,6 +74,13 @@ SAMPLES = [
         "  = help: emit it again, or give its own program with --sketch; if you trust it as it is, "
         "add --trust",
     ),
+    (
+        problems.NotAnArgument("track:aalborg", "it has no `=`"),
+        "error[E0541]: `--argument track:aalborg` is not an argument of an environment: it has no "
+        "`=`\n"
+        "  = help: write KEY=VALUE, such as `--argument track=aalborg`, with a number, `true`, "
+        "`false` or a text as value",
+    ),
 ]
 
 
