@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypedDict
@@ -18,8 +19,9 @@ class Candidate:
     """A template with values for its parameters.
 
     `loss` is what tuning minimised: the distance to the oracle (0 to 1 for discrete actions), or,
-    without an oracle, minus the mean return. `returns` are those of single episodes, from seeds
-    that all candidates share; None for a candidate that was not simulated.
+    without an oracle, minus the mean return; infinite where it was not measured. `returns` are
+    those of single episodes, from seeds that all candidates share; None for a candidate that was
+    not simulated.
     """
 
     expansion: Expansion
@@ -70,7 +72,7 @@ class Entry(TypedDict):
 
     stage: str
     size: int
-    loss: float
+    loss: float | None
     mean_return: float | None
     episodes: int
     values: dict[str, float]
@@ -81,7 +83,7 @@ def as_entry(candidate: Candidate, stage: str) -> Entry:
     return {
         "stage": stage,
         "size": candidate.size,
-        "loss": candidate.loss,
+        "loss": candidate.loss if math.isfinite(candidate.loss) else None,
         "mean_return": None if candidate.returns is None else candidate.mean,
         "episodes": len(candidate.returns or ()),
         "values": dict(candidate.values),
@@ -92,9 +94,9 @@ def as_entry(candidate: Candidate, stage: str) -> Entry:
 def from_entry(sketch: Sketch, entry: Entry) -> Candidate:
     """The candidate of a line of the record, without its returns."""
     derivations = tuple(_derivation(d) for d in entry["derivations"])
-    return Candidate(
-        expand(sketch, derivations), tuple(sorted(entry["values"].items())), entry["loss"]
-    )
+    loss = math.inf if entry["loss"] is None else entry["loss"]
+    values = tuple(sorted(entry["values"].items()))
+    return Candidate(expand(sketch, derivations), values, loss)
 
 
 def _plain(derivation: Derivation) -> list[Any]:

@@ -9,6 +9,7 @@ within each other's noise the shorter wins. `create_histories` and `update_histo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -47,7 +48,9 @@ def initialize(search: Search, objective: Objective) -> Candidate:
     """The start: of a pool of programs close to the oracle, the one with the highest return.
 
     Templates are enumerated shortest first. The pool keeps the closest, and the closest of every
-    size that is closer than all shorter ones, so that short programs get their chance.
+    size that is closer than all shorter ones, so that short programs get their chance. A template
+    whose parameters all have a guess takes part with its guesses, too: what an engineer would
+    try first may earn more than what is closest to the oracle.
     """
     settings = search.settings
     templates = islice(distinct(search, _enumerated(search)), settings.pool)
@@ -55,7 +58,17 @@ def initialize(search: Search, objective: Objective) -> Candidate:
     tuned = objective.tune(search, pool, "initialize")
     by_loss = sorted(tuned, key=lambda candidate: (candidate.loss, candidate.size))
     chosen = [*_record_losses(tuned), *by_loss][: 2 * settings.simulated]
-    return collect_reward(search, list(dict.fromkeys(chosen))[: settings.simulated], "initialize")
+    close = list(dict.fromkeys(chosen))[: settings.simulated]
+    guessed = [guess for n in pool if (guess := as_guessed(n.expansion)) is not None]
+    return _most_rewarded(search, [*close, *guessed], "initialize")
+
+
+def as_guessed(expansion: Expansion) -> Candidate | None:
+    """The template with its parameters' guesses; None if one has none, or there is none."""
+    values = {p.name: p.guess for p in expansion.template.free if p.guess is not None}
+    if not values or len(values) < len(expansion.template.free):
+        return None
+    return Candidate(expansion, tuple(sorted(values.items())), math.inf)
 
 
 def neighborhood_pool(search: Search, program: Candidate) -> list[Neighbour]:
@@ -79,8 +92,11 @@ def collect_reward(search: Search, programs: Sequence[Candidate], stage: str) ->
 
     The paper simulates the closest alone; a few more cost little, and distance is not return.
     """
-    few = programs[: search.settings.simulated]
-    simulated = search.simulate(few, "collect_reward", search.settings.episodes)
+    return _most_rewarded(search, programs[: search.settings.simulated], stage)
+
+
+def _most_rewarded(search: Search, programs: Sequence[Candidate], stage: str) -> Candidate:
+    simulated = search.simulate(programs, "collect_reward", search.settings.episodes)
     for candidate in simulated:
         search.keep(stage, candidate)
     return max(simulated, key=lambda candidate: (candidate.mean, -candidate.size))
