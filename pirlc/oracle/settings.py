@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from pirlc.diagnostics import suggestion
+from pirlc.ir.policy import Scalar
 from pirlc.oracle.manifest import Json
 from pirlc.oracle.problems import BadHyperparameter, UnknownAlgorithm, WrongAlgorithm, failure
 from pirlc.simulation.environments import DiscreteActions, EnvironmentFacts
@@ -121,6 +122,10 @@ GENERIC: Mapping[str, Settings] = {
     "ddpg": _TD3,
 }
 
+_TORCS = "pirlc/Torcs-v0"
+_SPEEDS = ("ndps", "gym_torcs")
+"""Rewards that are speeds in km/h, some 200 times as large as metres a step."""
+
 # What the 29 readings of a car that races are like: speedX, angle, trackPos, speedY, speedZ, rpm,
 # four wheels, and 19 beams, of which the outer ones are short.
 _RACING = Settings(
@@ -138,7 +143,7 @@ _TORCS_SAC = replace(
     most=(1.0, 1.5, 1.0),
     reward_scale=0.2,
     learner={
-        "learning_rate": 5e-4,
+        "learning_rate": "lin_0.0007",
         "gamma": 0.99,
         "batch_size": 256,
         "buffer_size": 300_000,
@@ -146,14 +151,18 @@ _TORCS_SAC = replace(
         "train_freq": 1,
         "gradient_steps": 1,
         "net_arch": [128, 128],
-        "ent_coef": "auto_0.02",
+        "ent_coef": "auto_0.05",
+        # Braking into a corner takes a second of it, which white noise never tries.
+        "noise": [0.1, 0.5, 0.8],
+        "drift": 0.1,
+        "fade": 0.6,
         "bias": [0.0, 1.0, -1.0],
     },
 )
 _TORCS_DDPG = replace(
     _RACING,
     steps=50_000,
-    reward_scale=0.002,
+    reward_scale=0.4,
     learner={
         "learning_rate": 3e-4,
         "gamma": 0.99,
@@ -226,8 +235,8 @@ KNOWN: Mapping[tuple[str, str], Settings] = {
     ("Pendulum-v1", "td3"): replace(
         _TD3, steps=15_000, acceptable=-170.0, attempts=3, learner={**_TD3.learner, "gamma": 0.98}
     ),
-    ("pirlc/Torcs-v0", "sac"): _TORCS_SAC,
-    ("pirlc/Torcs-v0", "ddpg"): _TORCS_DDPG,
+    (_TORCS, "sac"): _TORCS_SAC,
+    (_TORCS, "ddpg"): _TORCS_DDPG,
 }
 
 _PREFERRED = {
@@ -235,7 +244,7 @@ _PREFERRED = {
     "MountainCar-v0": "duel-ddqn",
     "Acrobot-v1": "ppo",
     "Pendulum-v1": "sac",
-    "pirlc/Torcs-v0": "sac",
+    _TORCS: "sac",
 }
 
 
@@ -246,8 +255,13 @@ def default_algorithm(facts: EnvironmentFacts) -> str:
     return "ppo" if isinstance(facts.actions, DiscreteActions) else "sac"
 
 
-def default_settings(algorithm: str, facts: EnvironmentFacts) -> Settings:
-    """The row for an algorithm and an environment. Raises PirlcError E0611 or E0612."""
+def default_settings(
+    algorithm: str, facts: EnvironmentFacts, arguments: Mapping[str, Scalar]
+) -> Settings:
+    """The row for an algorithm and an environment with its arguments.
+
+    Raises PirlcError E0611 or E0612.
+    """
     if algorithm not in ALGORITHMS:
         raise failure(UnknownAlgorithm(algorithm, suggestion(algorithm, ALGORITHMS), ALGORITHMS))
     discrete = isinstance(facts.actions, DiscreteActions)
@@ -256,6 +270,8 @@ def default_settings(algorithm: str, facts: EnvironmentFacts) -> Settings:
         raise failure(WrongAlgorithm(algorithm, facts.id, discrete, fitting))
     known = KNOWN.get((facts.id, algorithm))
     if known is not None:
+        if facts.id == _TORCS and arguments.get("reward", "ndps") in _SPEEDS:
+            known = replace(known, reward_scale=known.reward_scale / 200)
         return _for_components(known, facts.components)
     return replace(GENERIC[algorithm], acceptable=facts.reward_threshold)
 

@@ -60,7 +60,8 @@ def plan(
 ) -> Training:
     """The training that these choices ask for. Raises PirlcError E0611 to E0613."""
     name = default_algorithm(facts) if algorithm is None else algorithm
-    settings = with_overrides(default_settings(name, facts), name, overrides or {})
+    settings = default_settings(name, facts, dict(environment.arguments))
+    settings = with_overrides(settings, name, overrides or {})
     return Training(environment, facts, name, settings, seed)
 
 

@@ -211,7 +211,10 @@ def test_rows_for_torcs_fit_with_and_without_the_brake(algorithm: str, k: int) -
         "pirlc/Torcs-v0", tuple(-x for x in infinite), infinite, "float64",
         BoxActions(lower, upper, "float64"), 3_000, 0.02, None,
     )  # fmt: skip
-    settings = default_settings(algorithm, torcs)
+    settings = default_settings(algorithm, torcs, {"reward": "progress"})
+    # Speeds in km/h are larger than the metres of a step.
+    speeds = default_settings(algorithm, torcs, {})
+    assert speeds.reward_scale == settings.reward_scale / 200
     training = Training(Environment("pirlc/Torcs-v0"), torcs, algorithm, settings, 0)
     assert scaling_of(training).scale.shape == (29,)
     reach = reach_of(training)
