@@ -38,11 +38,15 @@ from pirlc.search.context import FIRST_EVALUATION_SEED, Search
 from pirlc.search.enumeration import Enumeration
 from pirlc.search.journal import Budget, Journal
 from pirlc.search.settings import Settings, Tell, default_settings
-from pirlc.search.synthesis import Ending, Found, find_program
+from pirlc.search.synthesis import Ending, Found, Plan, find_program
 from pirlc.semantics.policies import InterpretedPolicy
 from pirlc.simulation.environments import EnvironmentFacts, check_interface, facts
 from pirlc.simulation.policy import PolicyFactory, Ready
 from pirlc.simulation.rollout import ReturnEstimate, estimate
+
+_EPISODES, _COSTLY_EPISODES = 1000, 50
+"""Of the evaluation at the end; the second where simulators run compiled programs by themselves,
+for the oracle and the reference interpreter race there at a fraction of that speed."""
 
 
 @dataclass(frozen=True)
@@ -81,11 +85,12 @@ def synthesize(
     if any(found.severity is Severity.ERROR for found in misfits):
         raise PirlcError(misfits)
     settings = _settings(sketch, request, known)
+    episodes = request.episodes or (_COSTLY_EPISODES if known.native else _EPISODES)
     if not any(map(Enumeration(sketch).count, range(1, settings.largest + 1))):
         raise error(NothingSoSmall(settings.largest))
     find_compiler()  # A missing one is told before the search, not after it.
     tell_warnings((*warnings, *misfits))
-    run = open_run(request.folder, asked_of(request, settings))
+    run = open_run(request.folder, asked_of(request, settings, episodes))
     write_text(run.folder / "sketch.pirl", request.source.text)
     oracle = _oracle(request, environment, known, settings.seed, tell_training)
     if oracle is not None:
@@ -118,7 +123,7 @@ def synthesize(
         text = program_text(program, provenance(request, settings.seed, oracle, found))
         program_file = write_text(run.folder / f"{sketch.interface.name}.pirl", text)
         files = _emit(program, run)
-        returns, ending = _evaluate(request, run, search, found, oracle)
+        returns, ending = _evaluate(request.plan, episodes, run, search, found, oracle)
     plot = run.folder / "search.png"
     plot_search(search.met, program.size, returns.get("program"), returns.get("oracle"), plot)
     run.write_manifest(results_of(environment, found, ending, spent, oracle, returns))
@@ -209,7 +214,12 @@ def _emit(program: Program, run: Run) -> tuple[Path, ...]:
 
 
 def _evaluate(
-    request: SynthesisRequest, run: Run, search: Search, found: Found, oracle: LoadedOracle | None
+    plan: Plan,
+    episodes: int,
+    run: Run,
+    search: Search,
+    found: Found,
+    oracle: LoadedOracle | None,
 ) -> tuple[dict[str, ReturnEstimate], Ending]:
     """Returns over episodes that the search never saw; an interrupted search gets none."""
     if found.ending is Ending.INTERRUPTED:
@@ -222,11 +232,11 @@ def _evaluate(
     if oracle is not None:
         subjects["oracle"] = Ready(oracle.oracle)
     imitated = found.imitated
-    if imitated is not None and request.plan.refine:
+    if imitated is not None and plan.refine:
         subjects["without refinement"] = search.policy(
             imitated.expansion.template, dict(imitated.values)
         )
-    count = search.episodes(request.episodes)
+    count = search.episodes(episodes)
     seeds = range(FIRST_EVALUATION_SEED, FIRST_EVALUATION_SEED + count)
     returns: dict[str, ReturnEstimate] = {}
     search.journal.lift_budget()

@@ -43,8 +43,9 @@ from pirlc.cli.settings import settings_option
 )  # fmt: skip
 @click.option("--max-size", type=click.IntRange(1, 1000), help="Nodes of a program, at most.")
 @click.option(
-    "--episodes", type=click.IntRange(1), default=1000, show_default=True,
-    help="Unseen episodes for the evaluation at the end.",
+    "--episodes", type=click.IntRange(1),
+    help="Unseen episodes for the evaluation at the end (default: 1000; 50 in TORCS; 1 where "
+    "chance plays no part).",
 )  # fmt: skip
 @click.option(
     "--workers", type=click.IntRange(1, 1024), help="Processes to use (default: one a core)."

@@ -36,7 +36,7 @@ class Wish:
     seconds: float | None
     calls: int | None
     max_size: int | None
-    episodes: int
+    episodes: int | None
     workers: int
     no_augment: bool
     no_refine: bool

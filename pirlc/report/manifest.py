@@ -35,7 +35,7 @@ class Spent:
     seconds: float
 
 
-def asked_of(request: SynthesisRequest, settings: Settings) -> dict[str, Any]:
+def asked_of(request: SynthesisRequest, settings: Settings, episodes: int) -> dict[str, Any]:
     """What a run is a run of. The same request resumes it; where results go plays no part.
 
     Neither do the number of processes, which no result depends on, nor the bounds on calls and
@@ -47,7 +47,7 @@ def asked_of(request: SynthesisRequest, settings: Settings) -> dict[str, Any]:
         "oracle": None if request.oracle is None else asdict(request.oracle),
         "settings": asdict(settings),
         "plan": asdict(request.plan),
-        "episodes": request.episodes,
+        "episodes": episodes,
     }
 
 

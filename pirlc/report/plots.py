@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import io
+import math
 from pathlib import Path
+
+import numpy as np
 
 from pirlc.backend.files import write_bytes
 from pirlc.search.context import Record
@@ -17,6 +20,23 @@ _STAGES = (
 )
 
 
+_TAIL = 0.25
+"""The share of the programs that may be left out at the bottom of a plot, at most."""
+
+
+def _lowest_shown(means: list[float]) -> float:
+    """Where the axis of returns may end, so that single very bad programs do not stretch it.
+
+    Minus infinity unless the worst quarter takes up more room than all others.
+    """
+    if not means:
+        return -math.inf
+    low, cut, high = np.quantile(means, [0.0, _TAIL, 1.0])
+    if high - cut <= 0.0 or cut - low <= high - cut:
+        return -math.inf
+    return float(cut - 0.5 * (high - cut))
+
+
 def plot_search(
     met: Record, size: int, program: ReturnEstimate | None, oracle: ReturnEstimate | None, to: Path
 ) -> Path:
@@ -26,10 +46,12 @@ def plot_search(
 
     figure = Figure(figsize=(7.5, 4.5), layout="constrained")
     axes = figure.add_subplot()
+    shown: list[float] = []
     for prefix, label, marker, color in _STAGES:
         points = [(c.size, c.mean) for stage, c in met if stage.startswith(prefix) and c.returns]
         if points:
             sizes, means = zip(*points, strict=True)
+            shown += means
             axes.scatter(sizes, means, s=22, label=label, marker=marker, color=color, alpha=0.6)
     if program is not None:
         axes.errorbar(
@@ -42,8 +64,16 @@ def plot_search(
             capsize=4,
             label=f"program: {program.mean:.2f}",
         )
+    if program is not None:
+        shown.append(program.mean)
     if oracle is not None:
+        shown.append(oracle.mean)
         axes.axhline(oracle.mean, color="grey", linestyle="--", label=f"oracle: {oracle.mean:.2f}")
+    lowest = _lowest_shown(shown)
+    hidden = sum(mean < lowest for mean in shown)
+    if hidden:
+        axes.set_ylim(bottom=lowest)
+        axes.set_title(f"{hidden} of {len(shown)} are below", fontsize="small", loc="right")
     axes.set_xlabel("size (nodes)")
     axes.set_ylabel("mean return")
     axes.grid(alpha=0.3)

@@ -34,8 +34,9 @@ class SynthesisRequest:
 
     `settings` None takes those that suit the environment, with `seed` and, where it is given,
     `largest`. `oracle` None searches by return alone. `calls` and `seconds` bound the search.
-    `episodes` are those of the evaluation at the end; `cache` is where trained oracles are kept.
-    `arguments` of the environment take the place of the sketch's.
+    `episodes` are those of the evaluation at the end (None: as many as suit the environment);
+    `cache` is where trained oracles are kept. `arguments` of the environment take the place of the
+    sketch's.
     """
 
     source: SourceText
@@ -48,7 +49,7 @@ class SynthesisRequest:
     plan: Plan = field(default_factory=Plan)
     calls: int | None = None
     seconds: float | None = None
-    episodes: int = 1000
+    episodes: int | None = None
     workers: int = 2
     arguments: tuple[tuple[str, Scalar], ...] = ()
     trust: bool = False

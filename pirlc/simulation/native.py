@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import gymnasium as gym
+import numpy as np
 from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 
 from pirlc.diagnostics import PirlcError
@@ -100,7 +101,8 @@ def run_native(
         raise failure(BadAction(name, seed, steps, (math.nan,), space))
     if status is Status.TIME_LIMIT and limit is None:
         raise failure(EndlessEpisode(name, seed, longest))
-    for step, reward in enumerate(trace.rewards.tolist()):
-        if not math.isfinite(reward):
-            raise failure(BadReward(name, seed, step, repr(reward)))
+    sound = np.isfinite(trace.rewards)
+    if not sound.all():
+        step = int(np.argmin(sound))
+        raise failure(BadReward(name, seed, step, repr(float(trace.rewards[step]))))
     return trace

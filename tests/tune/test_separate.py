@@ -76,7 +76,8 @@ def test_actions_that_share_a_parameter_stay_together():
 def test_what_does_not_come_apart_is_left_as_it_is():
     alone = problem_of(APART.replace("previous(A)", "?d * ?b2").replace("?b2", "?b"))
     assert len(separate(alone)) == 3
-    fixed = problem_of("action A : [-1, 1] = peek(X, -1)\naction B : [0, 2] = 1\n"
-                       "action C : [-1, 1] = 0\n")
+    fixed = problem_of(
+        "action A : [-1, 1] = peek(X, -1)\naction B : [0, 2] = 1\naction C : [-1, 1] = 0\n"
+    )
     assert separate(fixed) == (fixed,)
     assert joined(fixed, []).values == {}

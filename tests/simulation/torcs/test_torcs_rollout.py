@@ -30,8 +30,10 @@ sensor trackPos : [-1, 1] = 2
 sensor rpm : [0, 1] = 5
 window 4
 param gain = 12
-action steer : [-1, 1] safe 0.01 = gain * peek(angle, -1) - 0.1 * fold(+, trackPos) / 4 + 0.2 * previous(steer)
-action accel : [0, 1] safe 0.5 = if abs(peek(trackPos, -1)) > 0.3 then 0.2 else 5 * (0.9 - peek(rpm, -1))
+action steer : [-1, 1] safe 0.01 = gain * peek(angle, -1) - 0.1 * fold(+, trackPos) / 4
+                                 + 0.2 * previous(steer)
+action accel : [0, 1] safe 0.5 = if abs(peek(trackPos, -1)) > 0.3 then 0.2
+                                 else 5 * (0.9 - peek(rpm, -1))
 action brake : [0, 1] safe 0 = abs(peek(trackPos, -2)) - 0.6
 """
 
