@@ -143,7 +143,7 @@ _TORCS_SAC = replace(
     most=(1.0, 1.5, 1.0),
     reward_scale=0.2,
     learner={
-        "learning_rate": "lin_0.0007",
+        "learning_rate": 5e-4,
         "gamma": 0.99,
         "batch_size": 256,
         "buffer_size": 300_000,
