@@ -81,7 +81,8 @@ def promising(search: Search) -> list[Candidate]:
     """Programs met that are worth refining, one for each structure, the best by return first.
 
     Those that earn more than every shorter one come before all others: a short program often
-    lacks nothing but better parameters.
+    lacks nothing but better parameters. Of others that earn the same the largest come first:
+    with terms that do nothing yet, such as one whose guess is 0, they have most to gain.
     """
     best: dict[str, Candidate] = {}
     for _, candidate in search.met:
@@ -93,7 +94,7 @@ def promising(search: Search) -> list[Candidate]:
     for candidate in sorted(best.values(), key=lambda c: (c.size, -c.mean)):
         if not front or candidate.mean > front[-1].mean:
             front.append(candidate)
-    ranked = sorted(best.values(), key=lambda c: (-c.mean, c.size))
+    ranked = sorted(best.values(), key=lambda c: (-c.mean, -c.size))
     others = [candidate for candidate in ranked if candidate not in front]
     chosen = [*reversed(front), *others][: search.settings.refined]
     return sorted(chosen, key=lambda c: (-c.mean, c.size))
