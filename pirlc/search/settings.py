@@ -52,7 +52,7 @@ def default_settings(*, actions: int = 1, native: bool = False) -> Settings:
     """The settings for a sketch of this many actions.
 
     `native`: the environment runs compiled programs by itself. It does so because an episode is
-    costly: three minutes of a race in TORCS take almost half a second, an episode of CartPole a
+    costly: three minutes of a race in TORCS take a tenth of a second, an episode of CartPole a
     few milliseconds.
     """
     settings = Settings(largest=Settings.largest * actions)
@@ -64,7 +64,7 @@ def default_settings(*, actions: int = 1, native: bool = False) -> Settings:
         update_episodes=3,
         episodes=8,
         refined=3,
-        refine_episodes=1_400,
+        refine_episodes=3_000,
         climb_episodes=2,
     )
 
