@@ -40,6 +40,9 @@ if TYPE_CHECKING:
 
 ENVIRONMENT = "pirlc/Torcs-v0"
 
+REWARD = "ndps"
+"""What races are told in, whatever a program was trained for: comparable with the paper's."""
+
 ROBOT = "robot:"
 """What a driver begins with that comes with TORCS."""
 
@@ -77,7 +80,7 @@ class _Driver:
 def race(session: Session, request: RaceRequest) -> None:
     """Race, and tell how it went."""
     driver = _driver(session, request)
-    arguments = {**driver.arguments, **request.arguments}
+    arguments = {**driver.arguments, **request.arguments, "reward": REWARD}
     if request.blocked:
         arguments["blocked"] = ",".join(_blocked(request.blocked, driver.program))
     made = make(Environment(ENVIRONMENT, tuple(arguments.items())))

@@ -75,6 +75,22 @@ SAMPLES = [
         "add --trust",
     ),
     (
+        problems.NoSuchRobot("bernie", ("berniw", "bt")),
+        "error[E0731]: no robot 'bernie' comes with TORCS\n"
+        "  = help: these do: robot:berniw, robot:bt",
+    ),
+    (
+        problems.NothingToBlock("rmp", "rpm"),
+        "error[E0732]: 'rmp' is neither a sensor of the program nor a reading of TORCS\n"
+        "  = help: did you mean rpm?",
+    ),
+    (
+        problems.RaceBrokeOff("aalborg", "TORCS gave no answer within 20 s"),
+        "error[E0733]: the race on aalborg broke off\n"
+        "  = note: TORCS gave no answer within 20 s\n"
+        "  = help: `pirlc torcs doctor` says what is wrong with TORCS here",
+    ),
+    (
         problems.NotAnArgument("track:aalborg", "it has no `=`"),
         "error[E0541]: `--argument track:aalborg` is not an argument of an environment: it has no "
         "`=`\n"

@@ -56,6 +56,18 @@ def test_a_race_is_told_and_drawn(pirlc, driver, torcs_installation):
     assert other.data["steering_deviation"] != data["steering_deviation"]
 
 
+def test_the_reward_is_the_papers(pirlc, driver, torcs_installation):
+    def told() -> dict[str, object]:
+        return pirlc("torcs", "race", driver, "--laps", "1", "--no-plots", "--json").data
+
+    own = told()
+    driver.write_text(DRIVER.replace("noise", 'reward = "progress", noise'))
+    other = told()
+    assert own["mean_reward"] == other["mean_reward"]
+    # km/h; metres of progress would be half of one a step.
+    assert 40 < own["mean_reward"] < 3.6 * own["distance"] / own["time"]
+
+
 def test_in_words(pirlc, driver, torcs_installation):
     outcome = pirlc("torcs", "race", driver, "--laps", "2", "--no-plots", "--track", "aalborg")
     assert outcome.code == 0
