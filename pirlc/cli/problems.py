@@ -1,4 +1,4 @@
-"""The mistakes about files and about what a command is given (E0541, E0701 to E0709, E0731 to E0733)."""
+"""The mistakes about files and command lines (E0541, E0701 to E0709, E0731 to E0733)."""
 
 from __future__ import annotations
 
