@@ -65,7 +65,7 @@ def default_settings(*, actions: int = 1, native: bool = False) -> Settings:
         episodes=8,
         refined=3,
         refine_episodes=3_000,
-        climb_episodes=2,
+        climb_episodes=1,
     )
 
 
