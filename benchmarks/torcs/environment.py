@@ -24,6 +24,7 @@ import numpy as np
 
 from benchmarks.torcs import paper
 from benchmarks.torcs.drivers import PRINTED, CompiledProgram, compiled, read_program
+from benchmarks.torcs.processes import descriptors, group, resident
 from benchmarks.torcs.telling import number, parser_of, table, tell
 from pirlc.ir.policy import Environment
 from pirlc.semantics.policies import InterpretedPolicy
@@ -107,37 +108,13 @@ def reset(environment: Torcs) -> float:
 
 def held(environment: Torcs) -> Held:
     process = environment._ready()
-    group = _group(process.pid)
     return Held(
-        _resident(os.getpid()),
-        _resident(process.pid),
-        _descriptors(os.getpid()),
-        _descriptors(process.pid),
-        len(group),
+        resident(os.getpid()),
+        resident(process.pid),
+        descriptors(os.getpid()),
+        descriptors(process.pid),
+        len(group(process.pid)),
     )
-
-
-def _resident(pid: int) -> int:
-    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE")
-
-
-def _descriptors(pid: int) -> int:
-    return sum(1 for _ in Path(f"/proc/{pid}/fd").iterdir())
-
-
-def _group(leader: int) -> list[int]:
-    """The processes of a group, those that have ended and were not waited for included."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                fields = (entry / "stat").read_text().rpartition(") ")[2].split()
-            except OSError:
-                continue
-            if int(fields[2]) == leader:
-                found.append(int(entry.name))
-    return found
 
 
 def grown(environment: Torcs, resets: int) -> tuple[Held, Held]:

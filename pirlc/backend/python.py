@@ -14,7 +14,6 @@ from pirlc.backend.text import comment_lines, indented
 from pirlc.ir.controller import (
     Channel,
     Controller,
-    Element,
     Kind,
     Operation,
     Output,
@@ -66,7 +65,6 @@ class _Printer:
         everything = list(expressions(controller.statements))
         self.used = {e.name for e in everything if isinstance(e, Parameter)}
         self.operators = {e.operator for e in everything if isinstance(e, Operation)}
-        self.looped = {e.sensor for e in everything if isinstance(e, Element)}
         names = python_locals(_TAKEN)
         sensors = [channel.name for channel in controller.channels]
         parameters = [name for name, _ in controller.parameters]

@@ -58,7 +58,6 @@ class _Shown(Watcher):
     def __init__(self, live: Live, bar: Bar) -> None:
         self._live = live
         self._bar = bar
-        self._stage = ""
         self._task = bar.add_task("starting", total=1.0, words="")
         self._best: Candidate | None = None
 

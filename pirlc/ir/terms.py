@@ -193,8 +193,6 @@ Term = (
     | RuleCall
 )
 
-Leaf = Literal | DiscreteLiteral | ParameterRef | SensorRef | LocalRef | PreviousAction | ActionRef
-
 
 def children(term: Term) -> tuple[Term, ...]:
     """The direct subterms, in the order of the text."""

@@ -41,16 +41,14 @@ from benchmarks.torcs.racing import (
     race,
 )
 from pirlc.ir.policy import Environment
-from pirlc.oracle.manifest import Manifest
 from pirlc.oracle.network import Bounded, NetworkOracle, Scaling
 from pirlc.oracle.network import Network as Perceptron
-from pirlc.oracle.store import save_oracle
-from pirlc.simulation.rollout import ReturnEstimate
 from pirlc.simulation.torcs.installation import Installation
 from pirlc.simulation.torcs.presets import Termination
 from pirlc.simulation.torcs.protocol import Status
 from pirlc.simulation.torcs.readings import READINGS
 from pirlc.simulation.torcs.summary import summary
+from tests.support.oracles import save_by_hand
 
 INTO_THE_WALL = """policy astray
 environment "pirlc/Torcs-v0"
@@ -79,25 +77,8 @@ def one_by_one(observations: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def save_steady(folder: Path) -> Path:
-    oracle = steady()
-    manifest = Manifest(
-        environment=Environment("pirlc/Torcs-v0", (("track", paper.G_TRACK_1),)),
-        algorithm="written by hand",
-        hyperparameters={},
-        seed=0,
-        steps=0,
-        attempts=0,
-        seconds=0.0,
-        versions={},
-        score=ReturnEstimate(0.0, -math.inf, math.inf, 0.0, 1),
-        first_seed=0,
-        layers=oracle.network.layers,
-        activation="relu",
-        head=oracle.head,
-        scaled=False,
-        sha256="",
-    )
-    return save_oracle(oracle, manifest, folder).folder
+    place = Environment("pirlc/Torcs-v0", (("track", paper.G_TRACK_1),))
+    return save_by_hand(steady(), place, 0.0, folder)
 
 
 @pytest.fixture(scope="module")

@@ -11,11 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pirlc.simulation.torcs.installation import BUILD_FLAGS, include_flags
-from pirlc.simulation.torcs.installation_problems import (
-    HostNotBuilt,
-    PackagesMissing,
-    failure,
-)
+from pirlc.simulation.torcs.installation_problems import HostNotBuilt, failure
 
 _CANDIDATES = ("g++", "clang++", "c++")
 _LINES_SHOWN = 12
@@ -39,14 +35,6 @@ def find_compiler() -> Compiler | None:
             if version is not None:
                 return Compiler(command, version)
     return None
-
-
-def require_compiler() -> Compiler:
-    """Raises PirlcError E0520 where there is no C++ compiler."""
-    found = find_compiler()
-    if found is None:
-        raise failure(PackagesMissing(("g++",), compiler_notes()))
-    return found
 
 
 def compiler_notes() -> tuple[str, ...]:

@@ -20,16 +20,13 @@ from pirlc.simulation.torcs.arguments import (
     require_track,
     require_whole,
 )
-from pirlc.simulation.torcs.installation import installed
+from pirlc.simulation.torcs.installation import CONTROL_INTERVAL, installed
 from pirlc.simulation.torcs.presets import REWARDS, TERMINATIONS
 from pirlc.simulation.torcs.protocol import COLUMN, FIRST_READING, Conditions, Status, Trace
 from pirlc.simulation.torcs.readings import ACTIONS, READINGS
 from pirlc.simulation.torcs.simulator import PATIENCE, Course, TorcsProcess
 
 Observation = NDArray[np.float64]
-
-CONTROL_INTERVAL = 0.02
-"""Seconds between two commands."""
 
 MOST_LAPS = 1000
 

@@ -18,6 +18,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from benchmarks.torcs.processes import children, descriptors, resident
 from pirlc.backend.policies import c_controller
 from pirlc.diagnostics import PirlcError, render
 from pirlc.ir.policy import Environment
@@ -30,12 +31,9 @@ from pirlc.simulation.torcs.protocol import Conditions
 from pirlc.simulation.torcs.simulator import Course, TorcsDied, TorcsHangs, TorcsProcess
 from tests.simulation.torcs.racing import (
     alive,
-    children,
-    descriptors,
     drive,
     folders,
     program,
-    resident,
     torcs,
 )
 
@@ -269,11 +267,11 @@ def test_whatever_ends_the_process_ends_torcs(
 def test_an_environment_that_nobody_has_any_more() -> None:
     env = torcs()
     env.reset()
-    grid, race, before = on_the_grid(env), racing(env), descriptors()
+    grid, race, before = on_the_grid(env), racing(env), descriptors(os.getpid())
     del env
     gc.collect()
     assert gone(grid) and gone(race)
-    assert descriptors() < before
+    assert descriptors(os.getpid()) < before
 
 
 def test_a_fork_of_the_process_starts_its_own() -> None:
@@ -299,13 +297,13 @@ def test_a_thousand_resets_leave_no_trace() -> None:
     for _ in range(50):
         drive(env, 0, 3)
     grid = on_the_grid(env)
-    before = resident(grid), resident(os.getpid()), descriptors()
+    before = resident(grid), resident(os.getpid()), descriptors(os.getpid())
     start = time.perf_counter()
     for seed in range(1000):
         env.reset(seed=seed)
         env.step(GO)
     taken = time.perf_counter() - start
-    after = resident(grid), resident(os.getpid()), descriptors()
+    after = resident(grid), resident(os.getpid()), descriptors(os.getpid())
     assert on_the_grid(env) == grid and len(children(grid)) == 1
     assert after[0] - before[0] < 200_000
     assert after[1] - before[1] < 2_000_000
