@@ -63,7 +63,7 @@ def default_settings(*, actions: int = 1, native: bool = False) -> Settings:
         create_episodes=6,
         update_episodes=3,
         episodes=8,
-        refined=3,
+        refined=2,
         refine_episodes=3_000,
         climb_episodes=1,
     )
