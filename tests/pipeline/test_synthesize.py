@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,17 +48,38 @@ def oracle(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return save_balancer(tmp_path_factory.mktemp("oracle") / "balancer")
 
 
-@pytest.fixture
-def request_(tmp_path: Path, oracle: Path) -> SynthesisRequest:
+def request_in(place: Path, oracle: Path) -> SynthesisRequest:
     return SynthesisRequest(
         source=SourceText("pole.pirl", SKETCH),
-        folder=tmp_path / "run",
-        cache=tmp_path / "cache",
+        folder=place / "run",
+        cache=place / "cache",
         oracle=OracleRequest(str(oracle)),
         settings=SMALL,
         episodes=20,
         workers=1,
     )
+
+
+@pytest.fixture
+def request_(tmp_path: Path, oracle: Path) -> SynthesisRequest:
+    return request_in(tmp_path, oracle)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory, oracle: Path) -> SynthesisResult:
+    """A run from beginning to end, for all who only read it."""
+    return run(request_in(tmp_path_factory.mktemp("whole"), oracle))
+
+
+@pytest.fixture
+def done(whole: SynthesisResult, request_: SynthesisRequest) -> SynthesisRequest:
+    """The request of a run that is finished already, in a folder to go on in."""
+    shutil.copytree(folder_of(whole), request_.folder)
+    return request_
+
+
+def folder_of(result: SynthesisResult) -> Path:
+    return result.program_file.parent
 
 
 def run(request: SynthesisRequest, stages: list[str] | None = None) -> SynthesisResult:
@@ -72,9 +94,8 @@ def lines(path: Path) -> list[str]:
     return path.read_text().splitlines()
 
 
-def test_what_a_run_leaves(request_: SynthesisRequest) -> None:
-    result = run(request_)
-    folder = request_.folder
+def test_what_a_run_leaves(whole: SynthesisResult) -> None:
+    result, folder = whole, folder_of(whole)
     assert result.ending is Ending.FINISHED
     assert result.returns["program"].mean >= 450.0
     assert result.returns["program"] == result.returns["emitted C"]
@@ -98,35 +119,31 @@ def test_what_a_run_leaves(request_: SynthesisRequest) -> None:
     assert any(entry["stage"] == "refine" for entry in met)
 
 
-def test_the_same_command_again_only_reads_the_journal(request_: SynthesisRequest) -> None:
-    first = run(request_)
-    journal = lines(request_.folder / "journal.jsonl")
-    program = first.program_file.read_bytes()
-    again = run(request_)
-    assert lines(request_.folder / "journal.jsonl") == journal
-    assert again.program_file.read_bytes() == program
-    assert again.returns == first.returns
+def test_the_same_command_again_only_reads_the_journal(
+    whole: SynthesisResult, done: SynthesisRequest
+) -> None:
+    again = run(done)
+    assert again.program_file != whole.program_file
+    assert lines(done.folder / "journal.jsonl") == lines(folder_of(whole) / "journal.jsonl")
+    assert again.program_file.read_bytes() == whole.program_file.read_bytes()
+    assert again.returns == whole.returns
 
 
-def test_cut_off_anywhere_it_resumes_to_the_same_result(request_: SynthesisRequest) -> None:
-    whole = run(request_)
-    text = whole.program_file.read_text()
-    journal = lines(request_.folder / "journal.jsonl")
+def test_cut_off_anywhere_it_resumes_to_the_same_result(
+    whole: SynthesisResult, done: SynthesisRequest
+) -> None:
+    journal = lines(done.folder / "journal.jsonl")
     kept = "\n".join(journal[: len(journal) // 2]) + "\n" + journal[len(journal) // 2][:9]
-    (request_.folder / "journal.jsonl").write_text(kept)
-    assert run(request_).program_file.read_text() == text
-    assert lines(request_.folder / "journal.jsonl") == journal
+    (done.folder / "journal.jsonl").write_text(kept)
+    assert run(done).program_file.read_bytes() == whole.program_file.read_bytes()
+    assert lines(done.folder / "journal.jsonl") == journal
 
 
-def test_workers_change_nothing(request_: SynthesisRequest) -> None:
-    one = run(request_)
-    two = run(replace(request_, folder=request_.folder.parent / "two", workers=2))
-    assert one.program_file.read_bytes() == two.program_file.read_bytes()
-    assert one.returns == two.returns
-    journals = [
-        lines(folder / "journal.jsonl")
-        for folder in (request_.folder, request_.folder.parent / "two")
-    ]
+def test_workers_change_nothing(whole: SynthesisResult, request_: SynthesisRequest) -> None:
+    two = run(replace(request_, workers=2))
+    assert whole.program_file.read_bytes() == two.program_file.read_bytes()
+    assert whole.returns == two.returns
+    journals = [lines(folder_of(result) / "journal.jsonl") for result in (whole, two)]
     assert journals[0] == journals[1]
 
 
@@ -138,7 +155,9 @@ def test_a_run_stopped_by_time_is_repeated_by_its_calls(request_: SynthesisReque
     assert run(other).program == stopped.program
 
 
-def test_ctrl_c_leaves_a_program_and_resumes(request_: SynthesisRequest) -> None:
+def test_ctrl_c_leaves_a_program_and_resumes(
+    whole: SynthesisResult, request_: SynthesisRequest
+) -> None:
     def interrupt(progress: Progress) -> None:
         if progress.stage.startswith("refine (round 1"):
             raise KeyboardInterrupt
@@ -149,7 +168,6 @@ def test_ctrl_c_leaves_a_program_and_resumes(request_: SynthesisRequest) -> None
     assert close(parse_sketch(SourceText("p", cut.program_file.read_text()))) == cut.program
     assert (request_.folder / "c" / "pole.c").is_file()
     assert json.loads((request_.folder / "manifest.json").read_text())["state"] == "interrupted"
-    whole = run(replace(request_, folder=request_.folder.parent / "whole"))
     resumed = run(request_)
     assert resumed.program_file.read_bytes() == whole.program_file.read_bytes()
 
@@ -168,17 +186,16 @@ def refused(request: SynthesisRequest) -> str:
     return caught.value.diagnostics[0].code
 
 
-def test_folders_of_others_stay_as_they_are(request_: SynthesisRequest, tmp_path: Path) -> None:
-    run(request_)
-    before = {p: p.read_bytes() for p in request_.folder.rglob("*") if p.is_file()}
-    other = replace(request_, settings=replace(SMALL, seed=1))
+def test_folders_of_others_stay_as_they_are(done: SynthesisRequest, tmp_path: Path) -> None:
+    before = {p: p.read_bytes() for p in done.folder.rglob("*") if p.is_file()}
+    other = replace(done, settings=replace(SMALL, seed=1))
     assert refused(other) == "E0723"
-    assert {p: p.read_bytes() for p in request_.folder.rglob("*") if p.is_file()} == before
+    assert {p: p.read_bytes() for p in done.folder.rglob("*") if p.is_file()} == before
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").write_text("hello")
-    assert refused(replace(request_, folder=tmp_path / "mine")) == "E0722"
-    (request_.folder / "manifest.json").write_text("gibberish")
-    assert refused(request_) == "E0724"
+    assert refused(replace(done, folder=tmp_path / "mine")) == "E0722"
+    (done.folder / "manifest.json").write_text("gibberish")
+    assert refused(done) == "E0724"
 
 
 def test_nothing_small_enough_and_no_time(request_: SynthesisRequest) -> None:
