@@ -8,6 +8,7 @@ episodes of its own, so that no set of starts is learnt by heart.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -81,8 +82,9 @@ def promising(search: Search) -> list[Candidate]:
     """Programs met that are worth refining, one for each structure, the best by return first.
 
     Those that earn more than every shorter one come before all others: a short program often
-    lacks nothing but better parameters. Of others that earn the same the largest come first:
-    with terms that do nothing yet, such as one whose guess is 0, they have most to gain.
+    lacks nothing but better parameters. But a program at its guesses that is the best is first
+    joined by the largest that earns the same: its further terms do nothing as long as their
+    guesses are 0, and have most to gain.
     """
     best: dict[str, Candidate] = {}
     for _, candidate in search.met:
@@ -94,10 +96,18 @@ def promising(search: Search) -> list[Candidate]:
     for candidate in sorted(best.values(), key=lambda c: (c.size, -c.mean)):
         if not front or candidate.mean > front[-1].mean:
             front.append(candidate)
-    ranked = sorted(best.values(), key=lambda c: (-c.mean, -c.size))
-    others = [candidate for candidate in ranked if candidate not in front]
-    chosen = [*reversed(front), *others][: search.settings.refined]
+    ranked = sorted(best.values(), key=lambda c: (-c.mean, c.size))
+    first = front[-1:]
+    first += [c for c in ranked if first and _idle(c, first[0])][-1:]
+    others = [c for c in [*reversed(front), *ranked] if c not in first]
+    chosen = list(dict.fromkeys([*first, *others]))[: search.settings.refined]
     return sorted(chosen, key=lambda c: (-c.mean, c.size))
+
+
+def _idle(program: Candidate, other: Candidate) -> bool:
+    """Whether a larger program, at its guesses, earns just what the other one does."""
+    guessed = math.isinf(program.loss) and math.isinf(other.loss)
+    return guessed and program.size > other.size and program.mean == other.mean
 
 
 def _admitted(ranked: Sequence[Candidate], count: int) -> list[Candidate]:
