@@ -21,9 +21,6 @@ from pirlc.search.context import Search
 from pirlc.semantics.histories import HistorySet
 from pirlc.tune import natural_scales
 
-_STEP = 0.3
-"""CMA-ES's first step, in the natural scales of the parameters."""
-
 _HEATS = ((32, 0.4), (10, 1.6), (4, 10.0))
 """How many of the best programs sampled go on at the end, and to how many episodes, in units of
 `Settings.episodes`."""
@@ -139,7 +136,7 @@ class _Climb:
         self._lower, self._upper = lower, np.maximum(upper, np.nextafter(lower, np.inf))
         self._optimizer = CMA(
             mean=theta / self._scales,
-            sigma=_STEP,
+            sigma=search.settings.climb_step,
             bounds=np.column_stack([self._lower, self._upper]) / self._scales[:, None],
             seed=search.settings.seed,
             population_size=2 * (3 + int(1.5 * np.log(len(theta)) + 1)),

@@ -29,6 +29,7 @@ class Settings:
         refine_episodes: the episodes that the refinement may simulate.
         climb_episodes: the episodes of each program of a generation: few, for many noisy
             generations get further than few exact ones.
+        climb_step: the first step of the refinement, in the natural scales of the parameters.
     """
 
     seed: int = 0
@@ -46,6 +47,7 @@ class Settings:
     refined: int = 4
     refine_episodes: int = 40_000
     climb_episodes: int = 10
+    climb_step: float = 0.3
 
 
 def default_settings(*, actions: int = 1, native: bool = False) -> Settings:
@@ -66,6 +68,7 @@ def default_settings(*, actions: int = 1, native: bool = False) -> Settings:
         refined=2,
         refine_episodes=3_000,
         climb_episodes=1,
+        climb_step=0.1,
     )
 
 
