@@ -18,6 +18,7 @@ from pirlc.cli.session import Session
 from pirlc.diagnostics import render
 from pirlc.source import SourceText, Span
 from tests.support.command_line import POLE, ROOT
+from tests.support.processes import started
 
 SAMPLES = [
     (
@@ -275,17 +276,11 @@ def test_a_reader_that_has_had_enough(here):
 
 def test_interrupted(here):
     # Interpreted, this takes minutes.
-    command = [sys.executable, "-m", "pirlc", "rollout", "pole.pirl", "--as", "interpreter"]
-    running = subprocess.Popen(
-        [*command, "--episodes", "20000", "--workers", "1", "--json"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
-    time.sleep(3)
-    running.send_signal(signal.SIGINT)
-    out, err = running.communicate(timeout=30)
+    options = ["--as", "interpreter", "--episodes", "20000", "--workers", "1", "--json"]
+    with started("-m", "pirlc", "rollout", "pole.pirl", *options) as running:
+        time.sleep(3)
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=30)
     assert running.returncode == 130
     assert '"interrupted": true' in out
     assert "Traceback" not in err

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 import resource
 import signal
-import subprocess
-import sys
 import time
 
 import pytest
 from joblib.externals.loky import get_reusable_executor
 
-from tests.support.command_line import ROOT
+from tests.support.processes import started
 
 ENVIRONMENT = '''
 """A point on a line, pushed by the action; the nearer to 0 it stays, the better."""
@@ -170,22 +167,16 @@ def test_options_that_contradict_each_other(pirlc, point, options):
 
 def test_interrupted_and_resumed(pirlc, point):
     command = [*SYNTH, *EXPERT, "-o", "run", "--json"]
-    running = subprocess.Popen(
-        [sys.executable, "-m", "pirlc", *command],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
     candidates = point / "run" / "candidates.jsonl"
-    deadline = time.monotonic() + 60
-    # From the first candidate that was simulated on, there is something to lose.
-    while time.monotonic() < deadline and running.poll() is None:
-        if candidates.is_file() and '"episodes": 100' in candidates.read_text():
-            break
-        time.sleep(0.02)
-    running.send_signal(signal.SIGINT)
-    out, err = running.communicate(timeout=60)
+    with started("-m", "pirlc", *command) as running:
+        deadline = time.monotonic() + 60
+        # From the first candidate that was simulated on, there is something to lose.
+        while time.monotonic() < deadline and running.poll() is None:
+            if candidates.is_file() and '"episodes": 100' in candidates.read_text():
+                break
+            time.sleep(0.02)
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=60)
     assert (running.returncode, err) == (130, "")
     assert json.loads(out)["interrupted"] is True
     assert pirlc("check", "run/point.pirl", "--json").data["closed"] is True

@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 
 from tests.support.command_line import ROOT
+from tests.support.processes import started
 
 DRIVER = """policy driver
 environment "pirlc/Torcs-v0" { track = "g-track-1", laps = 9, noise = 0.001 }
@@ -139,21 +138,17 @@ def of_group(group: int) -> list[str]:
 @pytest.mark.parametrize("killer", [signal.SIGINT, signal.SIGKILL])
 def test_an_interrupted_race_leaves_no_process(driver, torcs_installation, killer):
     mark = os.getpid() * 100 + killer
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "RACE_TEST": str(mark)}
-    command = [sys.executable, "-m", "pirlc", "torcs", "race", driver, "--laps", "1000"]
-    process = subprocess.Popen(
-        [*command, "--no-plots"], env=environment, stderr=subprocess.PIPE, text=True
-    )
-    for _ in range(300):
-        time.sleep(0.1)
-        # The command, TORCS on the grid, and the race.
-        if len(of_group(mark)) >= 3:
-            break
-    else:
-        process.kill()
-        pytest.fail("no race began")
-    process.send_signal(killer)
-    _, told = process.communicate(timeout=20)
+    command = ["-m", "pirlc", "torcs", "race", driver, "--laps", "1000", "--no-plots"]
+    with started(*command, env={"RACE_TEST": str(mark)}) as process:
+        for _ in range(300):
+            time.sleep(0.1)
+            # The command, TORCS on the grid, and the race.
+            if len(of_group(mark)) >= 3:
+                break
+        else:
+            pytest.fail("no race began")
+        process.send_signal(killer)
+        _, told = process.communicate(timeout=20)
     if killer == signal.SIGINT:
         assert (process.returncode, told.strip()) == (130, "interrupted")
     for _ in range(50):

@@ -3,8 +3,6 @@ from __future__ import annotations
 import math
 import os
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -31,6 +29,7 @@ from pirlc.simulation.workers import (
     collect_returns_of_each,
     parallel_map,
 )
+from tests.support.processes import started
 
 HERE = Path(__file__).parent
 
@@ -240,21 +239,12 @@ def test_an_interrupt_is_silent_in_the_workers(tmp_path: Path) -> None:
         "    print('interrupted', flush=True)\n"
         "    sys.exit(130)\n"
     )
-    root = str(HERE.parent.parent)
-    process = subprocess.Popen(
-        [sys.executable, str(script)],
-        cwd=root,
-        env={**os.environ, "PYTHONPATH": root, "PYTHONUNBUFFERED": "1"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    assert process.stdout is not None
-    assert process.stdout.readline() == "started\n"
-    time.sleep(0.2)
-    os.killpg(process.pid, signal.SIGINT)
-    out, err = process.communicate(timeout=20)
+    with started(script, env={"PYTHONUNBUFFERED": "1"}, start_new_session=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "started\n"
+        time.sleep(0.2)
+        os.killpg(process.pid, signal.SIGINT)
+        out, err = process.communicate(timeout=20)
     assert process.returncode == 130
     assert "interrupted" in out
     assert "Traceback" not in err

@@ -5,8 +5,6 @@ from __future__ import annotations
 import gc
 import os
 import signal
-import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -36,6 +34,7 @@ from tests.simulation.torcs.racing import (
     program,
     torcs,
 )
+from tests.support.processes import started
 
 pytestmark = pytest.mark.usefixtures("torcs_installation")
 
@@ -246,21 +245,14 @@ def test_whatever_ends_the_process_ends_torcs(
         "native": NATIVE.format(library=endless(tmp_path)),
         "idle": "time.sleep(60)",
     }[doing]
-    process = subprocess.Popen(
-        [sys.executable, "-c", SCRIPT.format(then=then)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        start_new_session=True,
-    )
-    assert process.stdout is not None
-    grids = [int(word) for word in process.stdout.readline().split()]
-    races = [race for grid in grids for race in children(grid)]
-    assert len(grids) == 2 and races
-    time.sleep(0.2)
-    os.killpg(process.pid, sent)
-    process.wait(timeout=20)
-    process.stdout.close()
+    with started("-c", SCRIPT.format(then=then), start_new_session=True) as process:
+        assert process.stdout is not None
+        grids = [int(word) for word in process.stdout.readline().split()]
+        races = [race for grid in grids for race in children(grid)]
+        assert len(grids) == 2 and races
+        time.sleep(0.2)
+        os.killpg(process.pid, sent)
+        process.wait(timeout=20)
     assert all(gone(pid) for pid in (*grids, *races))
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import fcntl
 import json
-import os
 import resource
 import shutil
 import signal
 import subprocess
 import sys
 import time
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
@@ -32,6 +32,7 @@ from pirlc.simulation.torcs.installation import (
     ready,
     tree_of,
 )
+from tests.support.processes import started
 from tests.support.refusals import refused
 
 ROOT = Path(__file__).parents[3]
@@ -240,18 +241,11 @@ def test_a_half_built_cache_is_repaired(copy, torcs_installation) -> None:
     ]
 
 
-def _command_line(folder: Path, **options) -> subprocess.Popen[str]:
+def _command_line(folder: Path) -> AbstractContextManager[subprocess.Popen[str]]:
     """`pirlc torcs install` with a cache at `folder`."""
     home = folder.parents[1]
-    return subprocess.Popen(
-        [sys.executable, "-m", "pirlc", "torcs", "install"],
-        cwd=home,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(home)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        **options,
-    )
+    environment = {"XDG_CACHE_HOME": str(home)}
+    return started("-m", "pirlc", "torcs", "install", cwd=home, env=environment)
 
 
 def test_the_second_of_two_at_once_waits(copy) -> None:
@@ -260,12 +254,13 @@ def test_the_second_of_two_at_once_waits(copy) -> None:
     record.unlink()
     with (copy / "lock").open("ab") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        second = _command_line(copy)
-        assert second.stderr is not None
-        assert second.stderr.readline() == "waiting for another `pirlc torcs install`\n"
-        record.write_text(text)
-        assert second.poll() is None
-    out, err = second.communicate(timeout=60)
+        with _command_line(copy) as second:
+            assert second.stderr is not None
+            assert second.stderr.readline() == "waiting for another `pirlc torcs install`\n"
+            record.write_text(text)
+            assert second.poll() is None
+            lock.close()
+            out, err = second.communicate(timeout=60)
     assert (second.returncode, err) == (0, "")
     assert out.splitlines()[-1] == f"nothing to do: prepared before, in {copy}"
 
@@ -274,11 +269,11 @@ def test_waiting_can_be_interrupted(copy) -> None:
     (tree_of(copy) / RECORD).unlink()
     with (copy / "lock").open("ab") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        second = _command_line(copy)
-        assert second.stderr is not None
-        second.stderr.readline()
-        second.send_signal(signal.SIGINT)
-        _, err = second.communicate(timeout=60)
+        with _command_line(copy) as second:
+            assert second.stderr is not None
+            second.stderr.readline()
+            second.send_signal(signal.SIGINT)
+            _, err = second.communicate(timeout=60)
     assert (second.returncode, err.strip()) == (130, "interrupted")
 
 
