@@ -139,7 +139,8 @@ def of_group(group: int) -> list[str]:
 def test_an_interrupted_race_leaves_no_process(driver, torcs_installation, killer):
     mark = os.getpid() * 100 + killer
     command = ["-m", "pirlc", "torcs", "race", driver, "--laps", "1000", "--no-plots"]
-    with started(*command, env={"RACE_TEST": str(mark)}) as process:
+    environment = {"RACE_TEST": str(mark), "TMPDIR": str(driver.parent)}
+    with started(*command, env=environment) as process:
         for _ in range(300):
             time.sleep(0.1)
             # The command, TORCS on the grid, and the race.
