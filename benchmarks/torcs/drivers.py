@@ -29,7 +29,9 @@ ORACLES = EXAMPLES / "oracles"
 
 SKETCHES = ("paper", "racer", "noif")
 
-_SYNTHESISED = re.compile(rf"({'|'.join(SKETCHES)})-({'|'.join(paper.TRAINING)})-(\d+)")
+_SYNTHESISED = re.compile(
+    rf"({'|'.join(SKETCHES)})-({'|'.join(paper.TRAINING)})(?:-([a-z]+))?-(\d+)"
+)
 
 
 @dataclass(frozen=True)
@@ -124,8 +126,9 @@ def synthesised(
         for path in sorted(folder.glob(f"{sketch}-*.pirl")):
             found = _SYNTHESISED.fullmatch(path.stem)
             if found is not None:
-                track, seed = found[2], found[3]
-                name = f"{sketch}.pirl, {track}, seed {seed}"
+                track, label, seed = found[2], found[3], found[4]
+                labelled = f", {label}" if label else ""
+                name = f"{sketch}.pirl, {track}{labelled}, seed {seed}"
                 rival = _RIVALS[sketch]
                 yield Driver(name, compiled(path, libraries), _digest(path), track, rival)
 

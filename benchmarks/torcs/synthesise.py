@@ -1,11 +1,13 @@
 """Synthesises the programs that the experiments race, with the command that a user would give.
 
     python -m benchmarks.torcs.synthesise [--sketch paper racer noif] [--track g-track-1 aalborg]
-                                          [--seed 0 1 2] [--runs DIR] [-- OPTIONS OF pirlc synth]
+                                          [--seed 0 1 2] [--label WORD] [--runs DIR]
+                                          [-- OPTIONS OF pirlc synth]
 
 Each is `pirlc synth examples/torcs/SKETCH.pirl --argument track=TRACK --seed N -o DIR/...`. What is
 finished is not run again, and what was interrupted goes on. The program goes to
 examples/torcs/synthesised/SKETCH-TRACK-SEED.pirl, and a line about the run to runs.jsonl beside it.
+With a label, SKETCH-TRACK-LABEL-SEED: programs that were made with options of their own.
 """
 
 from __future__ import annotations
@@ -119,6 +121,7 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--sketch", nargs="+", default=list(SKETCHES), choices=SKETCHES)
     parser.add_argument("--track", nargs="+", default=list(paper.TRAINING), choices=paper.TRAINING)
     parser.add_argument("--seed", type=int, nargs="+", default=[0, 1, 2])
+    parser.add_argument("--label", default="", help="in the names, where options are given")
     parser.add_argument("--runs", type=Path, default=RUNS, help="folder of the runs")
     parser.add_argument("--sketches", type=Path, default=EXAMPLES, help="folder of the sketches")
     parser.add_argument("--output", type=Path, default=SYNTHESISED, help="folder of the programs")
@@ -128,7 +131,7 @@ def main(words: list[str] | None = None) -> None:
     for seed in chosen.seed:
         for track in chosen.track:
             for sketch in chosen.sketch:
-                name = f"{sketch}-{track}-{seed}"
+                name = "-".join(filter(None, (sketch, track, chosen.label, str(seed))))
                 run = (chosen.runs / name).resolve()
                 file = chosen.sketches.resolve() / f"{sketch}.pirl"
                 shown = file.relative_to(ROOT) if file.is_relative_to(ROOT) else file
