@@ -235,6 +235,6 @@ def test_quick_commands_load_little_and_start_at_once(here, arguments):
         used, code, *loaded = done.stderr.split()
         assert (code, loaded) == ("0", [])
         seconds.append(float(used))
-    # The process's own time, which other work on the machine stretches: a guard against what is heavy,
-    # not the claim: 0.3 s on a quiet machine.
+    # The process's own time, which other work on the machine stretches: a guard against what is
+    # heavy, not the claim, which is 0.3 s on a quiet machine.
     assert min(seconds) <= 0.6
