@@ -58,10 +58,11 @@ def test_each_seed_beats_the_bar(
         assert np.mean(raced.laps) <= BARS[sketch, track]
 
 
+@pytest.mark.parametrize("name", ["racer-aalborg-2", "racer-aalborg-varied-0"])
 def test_one_program_trained_on_aalborg_completes_all_tracks(
-    torcs_installation: Installation, tmp_path: Path
+    name: str, torcs_installation: Installation, tmp_path: Path
 ) -> None:
-    path = SYNTHESISED / "racer-aalborg-varied-0.pirl"
+    path = SYNTHESISED / f"{name}.pirl"
     for track in TRACKS:
         raced = race(path, track, torcs_installation, tmp_path)
         assert (raced.status, raced.damage) == (Status.FINISHED, 0), track
