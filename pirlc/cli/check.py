@@ -17,16 +17,19 @@ from pirlc.cli.session import Session, json_option, pass_session
 @click.option(
     "--size",
     type=click.IntRange(1, 200),
-    default=40,
-    show_default=True,
-    help="Count the program templates up to this size.",
+    help="Count the program templates up to this size (default: 40 for each action).",
 )
 @argument_option
 @click.option("--trust", is_flag=True, help="Let an environment `module:id` run its code.")
 @json_option
 @pass_session
 def command(
-    session: Session, file: str, environment: bool, size: int, arguments: Arguments, trust: bool
+    session: Session,
+    file: str,
+    environment: bool,
+    size: int | None,
+    arguments: Arguments,
+    trust: bool,
 ) -> None:
     """Check FILE, a sketch or a program, and say what it allows.
 
@@ -39,6 +42,6 @@ def command(
         from pirlc.cli.places import fitting_facts
 
         fitting_facts(session, source, sketch.interface, trust)
-    allowed = measure(sketch, size)
+    allowed = measure(sketch, size or 40 * len(sketch.interface.actions))
     session.say(in_words(allowed))
     session.finish(as_data(allowed))
