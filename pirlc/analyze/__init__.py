@@ -1,0 +1,1 @@
+"""Programs as a control engineer looks at them."""

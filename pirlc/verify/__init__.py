@@ -1,0 +1,1 @@
+"""Proofs about programs and about the C made from them."""
