@@ -73,6 +73,8 @@ class Leaf:
     `name` is unique in the program ("Steer 2"); `path` are the conditions that lead here, in the
     order in which they are met, as program text. `linear` where the law is exact, else it is the
     tangent at `operating` (sensor -> reading), and `remainder` names what was linearised.
+    `active`: whether the path is the one taken at the operating point. Without a tangent (a square
+    root of 0, ...) `evidence` is unknown and there are no filters.
     """
 
     name: str
@@ -87,6 +89,7 @@ class Leaf:
     evidence: Evidence
     operating: Mapping[str, float] = field(default_factory=dict)
     remainder: str = ""
+    active: bool = True
     notes: tuple[str, ...] = ()
 
 
@@ -143,9 +146,9 @@ class Pole:
 
 @dataclass(frozen=True)
 class Crossover:
-    """`kind` is "gain" where |L| = 1: `margin` is then the phase margin in degrees; or "phase" where
-    L is real and negative: `margin` is then the factor of gain that brings L to -1. `frequency` is
-    in rad/s (rad/step without a sample time)."""
+    """`kind` is "gain" where |L| = 1: `margin` is then the phase margin in degrees; or "phase"
+    where L is real and negative: `margin` is then the factor of gain that brings L to -1.
+    `frequency` is in rad/s (rad/step without a sample time)."""
 
     kind: str
     frequency: float
@@ -211,8 +214,8 @@ class StepResponse:
     """After a step of `what` ("the setpoint of rpm", "a disturbance at Steer") at time 0.
 
     Deviations from rest: of each output and of the action itself, at `times` (seconds, or steps).
-    Figures of `sensor`'s response (None where they do not exist): its final value, the time until it
-    stays within 2 % of it, the overshoot in percent.
+    Figures of `sensor`'s response (None where they do not exist): its final value, the time until
+    it stays within 2 % of it, the overshoot in percent.
     """
 
     what: str
@@ -261,8 +264,8 @@ class LimitCycle:
 
 @dataclass(frozen=True)
 class RelayFinding:
-    """A discrete action as a relay: `high` where `text` (s > 0) holds, `low` elsewhere; s is the sum
-    of `filters` on the readings, plus `offset`.
+    """A discrete action as a relay: `high` where `text` (s > 0) holds, `low` elsewhere; s is the
+    sum of `filters` on the readings, plus `offset`.
 
     `sliding_poles` are those of the plant held on s = 0 by the equivalent control (empty without a
     plant, None where s is not reached in one step: `notes` says so).
