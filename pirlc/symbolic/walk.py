@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Generic, TypeVar, assert_never
+from typing import Generic, Protocol, TypeVar, assert_never
 
 from pirlc.ir.operators import Operator
 from pirlc.ir.terms import (
@@ -33,6 +33,19 @@ from pirlc.ir.terms import (
 from pirlc.ir.types import Discrete, Type
 
 V = TypeVar("V")
+Seen = TypeVar("Seen", contravariant=True)
+
+
+class Watcher(Protocol[Seen]):
+    """Is told where a walk is, for forms that record what they meet."""
+
+    def at(self, term: Term) -> None:
+        """The operators called from now on, until the next word, are this node's."""
+
+    def enter(self, term: If, condition: Seen, taken: bool) -> None:
+        """What follows, until `leave`, is the consequent (or not `taken`: the alternative)."""
+
+    def leave(self) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -40,23 +53,25 @@ class Algebra(Generic[V]):
     """What a symbolic form makes of each kind of node; `V` is its kind of atom.
 
     `element(sensor, index)` is an element of a sensor's window, counted from the end as `peek`
-    does: -1 is the newest.
+    does: -1 is the newest. In properties `previous` and `action` may be sequences, and there alone
+    `action` is needed. All operators of a body are called, in one order: those of the branches that
+    are not taken too.
     """
 
     literal: Callable[[float], V]
     discrete: Callable[[int, Discrete], V]
     parameter: Callable[[str], V]
     element: Callable[[str, int], V]
-    previous: Callable[[str, Type], V]
+    previous: Callable[[str, Type], V | tuple[V, ...]]
     operators: Mapping[Operator, Callable[..., V]]
     choose: Callable[[V, V, V], V]
+    action: Callable[[str, bool, Type], V | tuple[V, ...]] | None = None
+    watcher: Watcher[V] | None = None
 
 
 def walk(term: Term, algebra: Algebra[V]) -> V:
-    """The form of an action's term, which is an atom."""
-    value = _walk(term, algebra, {})
-    assert not isinstance(value, tuple)
-    return value
+    """The form of an action's term or of a property's, which is an atom."""
+    return _atom(term, algebra, {})
 
 
 def _walk(term: Term, to: Algebra[V], scope: Mapping[str, V | tuple[V, ...]]) -> V | tuple[V, ...]:
@@ -74,11 +89,14 @@ def _walk(term: Term, to: Algebra[V], scope: Mapping[str, V | tuple[V, ...]]) ->
         case PreviousAction(action, type_):
             return to.previous(action, type_)
         case Apply(operator, arguments):
-            return _apply(to.operators[operator], [_walk(a, to, scope) for a in arguments])
+            values = [_walk(a, to, scope) for a in arguments]
+            _at(term, to)
+            return _apply(to.operators[operator], values)
         case Peek(sequence, index):
             return _elements(sequence, to, scope)[index]
         case Fold(operator, sequence):
             folded, *rest = _elements(sequence, to, scope)
+            _at(term, to)
             for element in rest:
                 folded = to.operators[operator](element, folded)
             return folded
@@ -90,21 +108,40 @@ def _walk(term: Term, to: Algebra[V], scope: Mapping[str, V | tuple[V, ...]]) ->
             return accumulator
         case Diff(sequence):
             elements = _elements(sequence, to, scope)
+            _at(term, to)
             subtract = to.operators[Operator.SUBTRACT]
             return tuple(subtract(elements[j + 1], elements[j]) for j in range(len(elements) - 1))
         case If(condition, consequent, alternative):
+            truth = _atom(condition, to, scope)
             chosen: list[V] = []
-            for part in (condition, consequent, alternative):
-                value = _walk(part, to, scope)
-                assert not isinstance(value, tuple)
-                chosen.append(value)
-            return to.choose(chosen[0], chosen[1], chosen[2])
+            for part, taken in ((consequent, True), (alternative, False)):
+                if to.watcher is not None:
+                    to.watcher.enter(term, truth, taken)
+                chosen.append(_atom(part, to, scope))
+                if to.watcher is not None:
+                    to.watcher.leave()
+            _at(term, to)
+            return to.choose(truth, chosen[0], chosen[1])
         case Let(name, value, body):
             return _walk(body, to, {**scope, name: _walk(value, to, scope)})
-        case Hole() | RuleCall() | ActionRef():
-            raise AssertionError("a program template's actions hold no choice")
+        case ActionRef(action, raw, type_):
+            assert to.action is not None, "only properties speak of actions"
+            return to.action(action, raw, type_)
+        case Hole() | RuleCall():
+            raise AssertionError("a program template holds no choice")
         case _:
             assert_never(term)
+
+
+def _at(term: Term, to: Algebra[V]) -> None:
+    if to.watcher is not None:
+        to.watcher.at(term)
+
+
+def _atom(term: Term, to: Algebra[V], scope: Mapping[str, V | tuple[V, ...]]) -> V:
+    value = _walk(term, to, scope)
+    assert not isinstance(value, tuple)
+    return value
 
 
 def _elements(term: Term, to: Algebra[V], scope: Mapping[str, V | tuple[V, ...]]) -> tuple[V, ...]:
