@@ -1,0 +1,1 @@
+"""Plants: what an action does to the sensors, near an operating point."""

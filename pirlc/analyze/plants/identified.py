@@ -1,0 +1,267 @@
+"""Plants identified from rollouts of the program with a small dither on its actions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from pirlc.analyze.findings import Origin, Plant
+from pirlc.analyze.identification import (
+    Chosen,
+    Record,
+    choose_order,
+    fit_percent,
+    free_run,
+    one_step,
+)
+from pirlc.analyze.plants.linear import rows
+from pirlc.analyze.plants.problems import NotExcited, TooShort, failure
+from pirlc.analyze.plants.subject import Subject, sample_time, sensors_of
+from pirlc.ir.evidence import tested
+from pirlc.ir.policy import ActionSpec, Choice, Continuous, Sensor
+from pirlc.semantics.policies import InterpretedPolicy
+from pirlc.simulation.environments import Simulator
+from pirlc.simulation.rollout import Episode, run_episode
+
+Vector = NDArray[np.float64]
+
+LEAST_STEPS = 50
+"""A rollout with fewer usable steps is left out."""
+
+HORIZON = 50
+"""Steps after which a free run is started anew; unstable plants leave any longer one."""
+
+
+@dataclass(frozen=True)
+class Rollouts:
+    """Episodes with a dither on every continuous action: a level drawn anew after some steps.
+
+    The level is uniform within `dither` times the action's range; how long it stays is geometric
+    with a mean of `hold` steps. Discrete actions are replaced by another of their values in a share
+    `dither` of the steps. `settled`: the share of an episode, from its start, that is left out.
+    Half of the episodes estimate the model, a quarter chooses its order, a quarter tells its fit;
+    episode i is from seed `seed + i`, its dither from (`seed`, i).
+    """
+
+    episodes: int = 12
+    dither: float = 0.05
+    hold: float = 4.0
+    settled: float = 0.3
+    most_steps: int = 4000
+    seed: int = 0
+
+
+class Dithered:
+    """A program whose actions are disturbed; what it believes to have done stays its own."""
+
+    def __init__(self, subject: Subject, rollouts: Rollouts, number: int) -> None:
+        self._policy = InterpretedPolicy(subject.program)
+        self._rollouts = rollouts
+        self._number = number
+        self._actions = sorted(subject.program.interface.actions, key=lambda a: a.component)
+        self._levels = [0.0] * len(self._actions)
+        self._random = np.random.default_rng((rollouts.seed, number))
+
+    def reset(self) -> None:
+        self._policy.reset()
+        self._levels = [0.0] * len(self._actions)
+        self._random = np.random.default_rng((self._rollouts.seed, self._number))
+
+    def act(self, observation: Vector) -> tuple[float, ...]:
+        own = self._policy.act(observation)
+        return tuple(
+            self._disturbed(place, action, value)
+            for place, (action, value) in enumerate(zip(self._actions, own, strict=True))
+        )
+
+    def _disturbed(self, place: int, action: ActionSpec, value: float) -> float:
+        chance = self._random.random()
+        match action.domain:
+            case Choice(values):
+                if chance >= self._rollouts.dither or len(values) < 2:
+                    return value
+                return float(self._random.choice([other for other in values if other != value]))
+            case Continuous(lower, upper):
+                if chance < 1.0 / self._rollouts.hold:
+                    size = self._rollouts.dither * (upper - lower)
+                    self._levels[place] = float(self._random.uniform(-size, size))
+                return min(max(value + self._levels[place], lower), upper)
+
+
+def roll_out(subject: Subject, simulator: Simulator, rollouts: Rollouts) -> list[Episode]:
+    """The disturbed episodes. Raises PirlcError E0514 to E0518."""
+    return [
+        run_episode(simulator, Dithered(subject, rollouts, i), rollouts.seed + i)
+        for i in range(rollouts.episodes)
+    ]
+
+
+def identify_plant(subject: Subject, simulator: Simulator, rollouts: Rollouts) -> Plant:
+    """ARX models of the actions with the sensors that they read, side by side in one plant.
+
+    Actions that read a sensor in common are identified together. For each, the other actions go on
+    as the program has them: they are part of what it meets.
+
+    Raises PirlcError E0514 to E0518 for the rollouts, E0934 or E0935 where they do not serve.
+    """
+    episodes = roll_out(subject, simulator, rollouts)
+    usable = [_settled(episode, rollouts) for episode in episodes]
+    usable = [piece for piece in usable if len(piece[0]) >= LEAST_STEPS]
+    name = subject.environment.id
+    if len(usable) < 4:
+        found = sum(len(piece[0]) for piece in usable)
+        raise failure(TooShort(name, found, 4 * LEAST_STEPS))
+    models = [
+        _identified(subject, actions, sensors, usable) for actions, sensors in _groups(subject)
+    ]
+    return _joined(subject, simulator, rollouts, models)
+
+
+@dataclass(frozen=True)
+class Identified:
+    actions: tuple[ActionSpec, ...]
+    sensors: tuple[Sensor, ...]
+    chosen: Chosen
+    one_step: Vector
+    free_run: Vector
+    steps: int
+
+
+def _settled(episode: Episode, rollouts: Rollouts) -> tuple[Vector, Vector]:
+    """The episode without its beginning and from the last missing reading on."""
+    first = int(rollouts.settled * len(episode.actions))
+    y = episode.observations[first : first + rollouts.most_steps]
+    u = episode.actions[first : first + rollouts.most_steps]
+    missing = np.flatnonzero(~np.isfinite(y).all(axis=1))
+    after = int(missing[-1]) + 1 if len(missing) else 0
+    return y[after:], u[after:]
+
+
+def _groups(
+    subject: Subject,
+) -> list[tuple[tuple[ActionSpec, ...], tuple[Sensor, ...]]]:
+    """Actions with the sensors that they read, put together where these meet."""
+    groups: list[tuple[list[ActionSpec], set[str]]] = []
+    for action, body in zip(subject.actions, subject.program.bodies, strict=True):
+        names = {sensor.name for sensor in sensors_of(subject, body)}
+        if not names and action is subject.actions[0] and len(subject.actions) == 1:
+            names = {sensor.name for sensor in subject.sensors}
+        meeting = [group for group in groups if group[1] & names]
+        members = [action]
+        for group in meeting:
+            groups.remove(group)
+            members = [*group[0], *members]
+            names |= group[1]
+        if names:
+            groups.append((members, names))
+    return [
+        (tuple(members), tuple(s for s in subject.sensors if s.name in names))
+        for members, names in groups
+    ]
+
+
+def _identified(
+    subject: Subject,
+    actions: tuple[ActionSpec, ...],
+    sensors: tuple[Sensor, ...],
+    usable: Sequence[tuple[Vector, Vector]],
+) -> Identified:
+    columns = [sensor.index for sensor in sensors]
+    components = [action.component for action in actions]
+    records = [Record(y[:, columns], u[:, components]) for y, u in usable]
+    for what, names, data in (
+        ("action", [a.name for a in actions], [r.u for r in records]),
+        ("sensor", [s.name for s in sensors], [r.y for r in records]),
+    ):
+        for place, which in enumerate(names):
+            if all(np.ptp(values[:, place]) == 0.0 for values in data):
+                raise failure(NotExcited(subject.environment.id, what, which))
+    half, quarter = len(records) // 2, len(records) // 4
+    estimation, selection = records[:half], records[half : half + quarter]
+    held_out = records[half + quarter :]
+    chosen = choose_order(estimation, selection)
+    ahead = [one_step(chosen.model, record) for record in held_out]
+    free = [free_run(chosen.model, record, HORIZON) for record in held_out]
+    return Identified(actions, sensors, chosen, _fit(ahead), _fit(free), sum(map(len, held_out)))
+
+
+def _fit(pairs: Sequence[tuple[Vector, Vector]]) -> Vector:
+    return fit_percent(
+        np.concatenate([predicted for predicted, _ in pairs]),
+        np.concatenate([measured for _, measured in pairs]),
+    )
+
+
+def _joined(
+    subject: Subject, simulator: Simulator, rollouts: Rollouts, models: Sequence[Identified]
+) -> Plant:
+    systems = [model.chosen.model.state_space() for model in models]
+    inputs = [action for model in models for action in model.actions]
+    outputs = [sensor for model in models for sensor in model.sensors]
+    columns = [inputs.index(a) if a in inputs else None for a in subject.actions]
+    order = [outputs.index(sensor) for sensor in subject.sensors if sensor in outputs]
+    a, c = block_diag(*(s[0] for s in systems)), block_diag(*(s[2] for s in systems))
+    b = block_diag(*(s[1] for s in systems))
+    zero = np.zeros(len(a))
+    b = np.stack([zero if column is None else b[:, column] for column in columns], axis=1)
+    c = c[order]
+    states: list[str] = []
+    operating: dict[str, float] = {}
+    fit: dict[str, float] = {}
+    notes: list[str] = []
+    for model in models:
+        arx = model.chosen.model
+        readings = [sensor.name for sensor in model.sensors]
+        states += [
+            name if lag == 0 else f"{name}, part {lag + 1}"
+            for lag in range(arx.order)
+            for name in (f"model of {reading}" for reading in readings)
+        ]
+        operating.update(zip(readings, map(float, arx.y_mean), strict=True))
+        operating.update(zip((a.name for a in model.actions), map(float, arx.u_mean), strict=True))
+        fit.update(zip(readings, map(float, model.free_run), strict=True))
+        notes.append(_note(model))
+    notes.append(
+        f"from {rollouts.episodes} rollouts of the program with a random dither of "
+        f"{rollouts.dither:.3g} of each action's range, without the first {rollouts.settled:.0%} of "
+        "each; a linear model of what the program does there, with the other actions as the "
+        "program has them"
+    )
+    for state in states:
+        operating.setdefault(state, 0.0)
+    for action in subject.actions:
+        operating.setdefault(action.name, float(action.safe))
+    kept: list[Any] = [outputs[place] for place in order]
+    steps = min(model.steps for model in models)
+    return Plant(
+        name=f"{subject.environment.id} (identified)",
+        origin=Origin.IDENTIFIED,
+        a=rows(a),
+        b=rows(b),
+        c=rows(c),
+        d=rows(np.zeros((len(c), b.shape[1]))),
+        states=tuple(states),
+        inputs=tuple(action.name for action in subject.actions),
+        outputs=tuple(sensor.name for sensor in kept),
+        sample_time=sample_time(subject, simulator),
+        operating=operating,
+        evidence=tested(
+            steps, f"held-out steps; `fit` is of free runs of {HORIZON} steps from the actions alone"
+        ),
+        fit=fit,
+        notes=tuple(notes),
+    )
+
+
+def _note(model: Identified) -> str:
+    names = " and ".join(action.name for action in model.actions)
+    fits = ", ".join(
+        f"{sensor.name} {ahead:.1f} % one step ahead, {free:.1f} % in free runs of {HORIZON} steps"
+        for sensor, ahead, free in zip(model.sensors, model.one_step, model.free_run, strict=True)
+    )
+    return f"{names}: ARX of order {model.chosen.model.order}; fit on held-out rollouts: {fits}"
