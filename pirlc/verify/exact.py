@@ -89,8 +89,7 @@ def _algebra(
     def compare(test: Callable[[Exact, Exact], bool]) -> Callable[[Exact, Exact], bool]:
         def compared(a: Exact, b: Exact) -> bool:
             answer = test(a, b)
-            if isinstance(a, Fraction):
-                made.append(Decision(answer, abs(Fraction(a) - Fraction(b))))
+            made.append(Decision(answer, abs(Fraction(a) - Fraction(b))))
             return answer
 
         return compared

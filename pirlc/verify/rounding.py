@@ -41,9 +41,9 @@ TANH_UNITS = 4
 class StepRounding:
     """Bounds for one step, by action; None where no finite bound was found.
 
-    `raw` and `applied`: the distance before and after clipping. `margins`: for each evaluation of a
-    comparison or a `sign`, in the order of `symbolic.walk`, the sides' distance up to which
-    rounding may turn it (0: never).
+    `raw` and `applied`: the distance before and after clipping. `margins`: for each occurrence of a
+    comparison or a `sign`, as `symbolic.z3_form.GuardKey` counts them, the sides' distance up to
+    which rounding may turn it (0: never).
     """
 
     raw: Mapping[str, float | None]
@@ -218,8 +218,10 @@ def _algebra(
 
     def rounded(exact: arb, carried: arb, nonnegative: bool, loses: bool = True) -> Value:
         """A result whose operands' errors have moved it by `carried`, rounded (if it `loses`)."""
-        own = numbers.half_unit((exact.abs_upper() + carried).upper()) if loses else _ZERO
-        return settle(exact, carried + own, nonnegative)
+        size = (exact.abs_upper() + carried).upper()
+        if not size.is_finite():
+            return None
+        return settle(exact, carried + numbers.half_unit(size) if loses else carried, nonnegative)
 
     def add(a: Ball, b: Ball) -> Value:
         loses = not (_is_zero(a) or _is_zero(b))
@@ -280,14 +282,17 @@ def _algebra(
 
     def exponential(a: Ball) -> Value:
         top = (a.range.upper() + a.error).exp()
-        return libm(a.range.exp(), (top * a.error).upper(), EXP_UNITS, True)
+        exact = a.range.lower().exp().union(a.range.upper().exp())
+        return libm(exact, (top * a.error).upper(), EXP_UNITS, True)
 
     def hyperbolic(a: Ball) -> Value:
-        return libm(a.range.tanh(), a.error, TANH_UNITS, a.nonnegative)
+        exact = a.range.lower().tanh().union(a.range.upper().tanh())
+        return libm(exact, a.error, TANH_UNITS, a.nonnegative)
 
     def libm(exact: arb, carried: arb, units: int, nonnegative: bool) -> Value:
         # A little more than the largest result, so that its neighbours have the same unit.
-        unit = numbers.unit((exact.abs_upper() + carried) * (1 + arb(2) ** -16))
+        size = (exact.abs_upper() + carried).upper() * (1 + arb(2) ** -16)
+        unit = numbers.unit(size) if size.is_finite() else arb.pos_inf()
         return settle(exact, carried + units * unit, nonnegative)
 
     def negate(a: Ball) -> Value:
@@ -299,8 +304,8 @@ def _algebra(
 
     def compare(a: Value, b: Value) -> Value:
         if isinstance(a, Decided):
-            return _DECIDED
-        if isinstance(a, Ball) and isinstance(b, Ball):
+            margins.append(0.0)
+        elif isinstance(a, Ball) and isinstance(b, Ball):
             margins.append(_upward(a.error + b.error))
         else:
             margins.append(None)
