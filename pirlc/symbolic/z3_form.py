@@ -38,10 +38,8 @@ class Form:
 
 @dataclass(frozen=True, slots=True)
 class GuardKey:
-    """A comparison or `sign` of an action's body: the how manieth that a walk calls, from 0.
-
-    All comparisons count, those of discrete actions too; those over sequences or in folds once for
-    each element.
+    """A comparison of reals or a `sign` in an action's body: the how manieth that a walk calls,
+    from 0; one in a fold or over sequences counts for each element, one of discrete actions not.
     """
 
     action: str
@@ -52,16 +50,15 @@ class GuardKey:
 class Guard:
     """A comparison `a relation b`; for `sign(a)` the relation is None and b zero.
 
-    `path` is the condition under which the branch that it is in is taken; `defined` that of a, b.
+    One between discrete actions has no key. `path` is the condition under which the branch that it is in is taken; `defined` that of a, b.
     """
 
-    key: GuardKey
+    key: GuardKey | None
     relation: Operator | None
     a: Real
     b: Real
     outcome: Real | Truth
     defined: Truth
-    discrete: bool
     path: Truth
     span: Span
 
@@ -138,6 +135,7 @@ class BodyForm:
     _partials: list[Partial] = field(default_factory=list)
     _branchings: list[Branching] = field(default_factory=list)
     _path: list[Truth] = field(default_factory=list)
+    _keys: int = 0
     _if: If | None = None
     _span: Span = NOWHERE
 
@@ -198,42 +196,42 @@ class BodyForm:
         return exact.conjunction(self._path)
 
     def _compare(self, relation: Operator, a: Form, b: Form) -> Form:
-        key = GuardKey(self.action, len(self._guards))
-        discrete = a.discrete or b.discrete
         outcome = exact.compare(relation, a.value, b.value)
-        if not discrete:
-            margin = self.guard_margin(key)
-            if margin != 0:
-                free = self._free(z3.FreshBool("guard", self.functions.context))
-                outcome = _unless_close(a.value, b.value, margin, outcome, free)
+        key = None if a.discrete or b.discrete else self._next_key()
+        margin = Fraction(0) if key is None else self.guard_margin(key)
+        if margin != 0:
+            free = self._free(z3.FreshBool("guard", self.functions.context))
+            outcome = _unless_close(a.value, b.value, margin, outcome, free)
         defined = _all(a, b)
-        self._record(key, relation, a.value, b.value, outcome, defined, discrete)
+        self._record(key, relation, a.value, b.value, outcome, defined)
         return Form(outcome, defined)
 
     def _sign(self, x: Form) -> Form:
-        key = GuardKey(self.action, len(self._guards))
-        zero = Fraction(0)
+        key, zero = self._next_key(), Fraction(0)
         outcome = exact.sign(x.value)
         margin = self.guard_margin(key)
         if margin != 0:
             free = self._free(z3.FreshReal("sign", self.functions.context))
             self.constraints.append(z3.Or(free == -1, free == 0, free == 1))
             outcome = _unless_close(x.value, zero, margin, outcome, free)
-        self._record(key, None, x.value, zero, outcome, x.defined, False)
+        self._record(key, None, x.value, zero, outcome, x.defined)
         return Form(outcome, x.defined)
+
+    def _next_key(self) -> GuardKey:
+        self._keys += 1
+        return GuardKey(self.action, self._keys - 1)
 
     def _record(
         self,
-        key: GuardKey,
+        key: GuardKey | None,
         relation: Operator | None,
         a: Real,
         b: Real,
         outcome: Real | Truth,
         defined: Truth,
-        discrete: bool,
     ) -> None:
         path, span = self._here(), self._span
-        self._guards.append(Guard(key, relation, a, b, outcome, defined, discrete, path, span))
+        self._guards.append(Guard(key, relation, a, b, outcome, defined, path, span))
 
     def _free(self, variable: z3.ExprRef) -> z3.ExprRef:
         self.free.append(variable)

@@ -211,7 +211,8 @@ class _Unrolling:
             value: Real = readings[step + place]
             for begin in range(1, self.count):
                 # The reading of step `begin` fills the window; it is readings[begin + window - 1].
-                late = centre if step < begin else readings[max(step + place, begin + window - 1)]
+                newest = max(step + place - self.program.interface.latency, begin + window - 1)
+                late = centre if step < begin else readings[newest]
                 value = exact.choose(start == begin, late, value)
             return value
 
