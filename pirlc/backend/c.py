@@ -68,6 +68,7 @@ class CPrinter:
     def __init__(self, controller: Controller, real: RealType) -> None:
         self.controller, self.real = controller, real
         self.stem = file_stem(controller.name)
+        self.typedef = f"{self.stem}_real"
         channels, outputs = controller.channels, controller.outputs
         self.inputs = c_members().assign(channel.name for channel in channels)
         self.actions = c_members().assign(output.name for output in outputs)
@@ -131,9 +132,10 @@ class CPrinter:
             "checks": checking_operations(controller),
             "observation": self._observation(),
             "action": self._action(),
-            "params": [f"{self.real} {self.parameters[n]};" for n, _ in controller.parameters],
+            "params": [f"{self.typedef} {self.parameters[n]};" for n, _ in controller.parameters],
             "state": [
-                f"{m.type} {m.name}{f'[{m.length}]' if m.length else ''}; /* {m.comment} */"
+                f"{self.typedef if m.type == self.real else m.type} {m.name}"
+                f"{f'[{m.length}]' if m.length else ''}; /* {m.comment} */"
                 for m in members
             ],
             "defaults": self._defaults(),
@@ -158,7 +160,7 @@ class CPrinter:
             if isinstance(c.missing, Hold):
                 policy = "hold" if c.limit is None else f"hold {c.limit} then fail"
             about = f"[{c.lower!r}, {c.upper!r}], component {c.index}, missing {policy}"
-            lines.append(f"{self.real} {self.inputs[c.name]}; /* {about} */")
+            lines.append(f"{self.typedef} {self.inputs[c.name]}; /* {about} */")
         return lines
 
     def _action(self) -> list[str]:
@@ -166,7 +168,7 @@ class CPrinter:
         for output in self.controller.outputs:
             match output.domain:
                 case Continuous(lower, upper):
-                    type_, about = str(self.real), f"[{lower!r}, {upper!r}]"
+                    type_, about = self.typedef, f"[{lower!r}, {upper!r}]"
                 case Choice(values):
                     type_, about = self.discrete, "{" + ", ".join(map(str, values)) + "}"
             safe = self._safe(output)
@@ -262,7 +264,7 @@ class CPrinter:
         if controller.may_fail:
             safe = [f"out->{self.actions[o.name]} = {self._safe(o)};" for o in controller.outputs]
             lines += [
-                "if (failed) {",
+                "if (failed != 0u) {",
                 *indented([*safe, f"status |= {self.stem}_SAFE_USED;"]),
                 "} else {",
                 *indented(actions),
@@ -304,8 +306,8 @@ class CPrinter:
             if c is next(o for o in self.controller.channels if o.kept == c.kept):
                 lines.insert(0, f"unsigned {head} = s->{self.heads[c.kept]};")
         lines += [
-            f"if (!({x} >= {low} && {x} <= {high})) {{",
-            f"    if ({x} - {x} != {zero}) {{ /* NaN or infinite */",
+            f"if (!(({x} >= {low}) && ({x} <= {high}))) {{",
+            f"    if (({x} - {x}) != {zero}) {{ /* NaN or infinite */",
             *indented(absent, 2),
             "    } else {",
             f"        {flags} = {self.stem}_OUT_OF_RANGE;",
@@ -326,12 +328,12 @@ class CPrinter:
             if not is_ring(c):
                 return f"{buffer}[{c.kept - 1}]"
             head = self.scope.heads[c.kept]
-            return f"{buffer}[{head} == 0u ? {c.kept - 1}u : {head} - 1u]"
+            return f"{buffer}[({head} == 0u) ? {c.kept - 1}u : ({head} - 1u)]"
         zero = constant(0.0, self.real).code
         if not c.awaits_first:
             return zero
         start = constant(c.initial, self.real).code
-        return zero if start == zero else f"s->{self.seen[c.name]} ? {zero} : {start}"
+        return zero if start == zero else f"(s->{self.seen[c.name]} != 0u) ? {zero} : {start}"
 
     def _push(self, c: Channel) -> list[str]:
         x, buffer = self.scope.readings[c.name], f"s->{self.buffers[c.name]}"
@@ -339,8 +341,8 @@ class CPrinter:
         if c.awaits_first:
             seen, flags = f"s->{self.seen[c.name]}", f"s->{self.flags[c.name]}"
             lines += [
-                f"if (!{seen} && {flags} != {self.stem}_MISSING) {{ /* the first good reading */",
-                f"    {seen} = 1u;",
+                f"if (({seen} == 0u) && ({flags} != {self.stem}_MISSING)) {{",
+                f"    {seen} = 1u; /* the first good reading */",
             ]
             if c.kept > 1:
                 lines += [
@@ -355,7 +357,7 @@ class CPrinter:
             head = self.scope.heads[c.kept]
             lines.append(f"{buffer}[{head}] = {x};")
             if c is [o for o in self.controller.channels if o.kept == c.kept][-1]:
-                lines.append(f"{head} = {head} == {c.kept - 1}u ? 0u : {head} + 1u;")
+                lines.append(print_c.next_in_ring(head, c.kept))
         elif c.kept:
             lines += [f"{buffer}[{k}] = {buffer}[{k + 1}];" for k in range(c.kept - 1)]
             lines.append(f"{buffer}[{c.kept - 1}] = {x};")
@@ -371,7 +373,7 @@ class CPrinter:
         high = constant(output.domain.upper, self.real).code
         return [
             f"if ({raw} >= {low}) {{",
-            f"    {out} = {raw} > {high} ? {high} : {raw};",
+            f"    {out} = ({raw} > {high}) ? {high} : {raw};",
             f"}} else if ({raw} < {low}) {{",
             f"    {out} = {low};",
             "} else { /* NaN */",

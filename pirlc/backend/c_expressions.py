@@ -1,4 +1,8 @@
-"""Expressions and statements of a controller as C."""
+"""Expressions and statements of a controller as C.
+
+Operands that are infix or chosen by `?:` stand in parentheses, even where C's precedence spares
+them: nobody has to know it by heart (MISRA C:2012, rule 12.1). Only chains of one level go without.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +14,14 @@ from pirlc.backend.names import Identifiers
 from pirlc.backend.numbers import PRECISIONS, RealType, shortest
 from pirlc.backend.text import (
     AND,
+    COMPARE,
+    INFIX_LEVELS,
     NEGATION,
-    NOT,
     OR,
     PRIMARY,
     SELECT,
     Text,
     indented,
-    infix,
     negated,
     number,
 )
@@ -108,6 +112,32 @@ def discrete_constant(value: int, type_: str) -> Text:
     return number(f"{value}{suffix}")
 
 
+def chosen(test: Text, consequent: Text, alternative: Text) -> Text:
+    """`test ? consequent : alternative`; a further choice may follow the colon as it is."""
+    last = alternative.code if alternative.level == SELECT else alternative.at(NEGATION)
+    return Text(f"{test.at(NEGATION)} ? {consequent.at(NEGATION)} : {last}", SELECT)
+
+
+def joined(operator: str, level: int, left: Text, right: Text) -> Text:
+    """`left operator right`; comparisons do not chain."""
+    chains = left.level == level != COMPARE
+    first = left.code if chains else left.at(NEGATION)
+    return Text(f"{first} {operator} {right.at(NEGATION)}", level)
+
+
+def along_ring(head: str, length: int, steps: int) -> Text:
+    """The place `steps` places (fewer than `length`) after `head` in a ring."""
+    if steps == 0:
+        return Text(head, PRIMARY)
+    wraps = length - steps
+    return Text(f"({head} < {wraps}u) ? ({head} + {steps}u) : ({head} - {wraps}u)", SELECT)
+
+
+def next_in_ring(place: str, length: int) -> str:
+    """Moves a place in a ring on by one."""
+    return f"{place} = ({place} == {length - 1}u) ? 0u : ({place} + 1u);"
+
+
 def expression(scope: CScope, term: Expression) -> Text:
     match term:
         case Constant(value):
@@ -128,7 +158,7 @@ def expression(scope: CScope, term: Expression) -> Text:
             return _operation(scope, operator, [expression(scope, a) for a in arguments])
         case Select(condition, consequent, alternative):
             test, left, right = (expression(scope, t) for t in (condition, consequent, alternative))
-            return Text(f"{test.at(OR)} ? {left.at(OR)} : {right.at(SELECT)}", SELECT)
+            return chosen(test, left, right)
         case _:
             assert_never(term)
 
@@ -139,12 +169,11 @@ def _reading(scope: CScope, sensor: str, age: int) -> Text:
     channel = scope.channels[sensor]
     buffer = f"s->{scope.members[sensor]}"
     place = channel.depth - 1 - age
-    if not is_ring(channel) or place == 0:
-        oldest = scope.heads[channel.depth] if is_ring(channel) else f"{place}"
-        return Text(f"{buffer}[{oldest}]", PRIMARY)
-    head, wraps = scope.heads[channel.depth], channel.depth - place
-    index = f"{head} < {wraps}u ? {head} + {place}u : {head} - {wraps}u"
-    return Text(f"{buffer}[{index}]", PRIMARY)
+    if not is_ring(channel):
+        return Text(f"{buffer}[{place}]", PRIMARY)
+    return Text(
+        f"{buffer}[{along_ring(scope.heads[channel.depth], channel.depth, place).code}]", PRIMARY
+    )
 
 
 def _element(scope: CScope, element: Element) -> Text:
@@ -170,25 +199,25 @@ def _operation(scope: CScope, operator: Operator, arguments: list[Text]) -> Text
         case Operator.NOT, [x]:
             return Text(f"!{x.at(NEGATION)}", NEGATION)
         case Operator.AND, [x, y]:
-            return Text(f"{x.at(AND)} && {y.at(NOT)}", AND)
-        case ((Operator.OR | Operator.IMPLIES), [x, y]):
-            left = f"!{x.at(NEGATION)}" if operator is Operator.IMPLIES else x.at(OR)
-            # gcc wants `a && b || c` written with parentheses.
-            left = f"({left})" if operator is Operator.OR and x.level == AND else left
-            return Text(f"{left} || {y.at(NOT)}", OR)
+            return joined("&&", AND, x, y)
+        case Operator.OR, [x, y]:
+            return joined("||", OR, x, y)
+        case Operator.IMPLIES, [x, y]:
+            return joined("||", OR, Text(f"!{x.at(NEGATION)}", NEGATION), y)
         case Operator.MIN, [x, y]:
-            return Text(f"{x.at(NOT)} < {y.at(NOT)} ? {x.code} : {y.code}", SELECT)
+            return chosen(joined("<", COMPARE, x, y), x, y)
         case Operator.MAX, [x, y]:
-            return Text(f"{x.at(NOT)} > {y.at(NOT)} ? {x.code} : {y.code}", SELECT)
+            return chosen(joined(">", COMPARE, x, y), x, y)
         case Operator.CLIP, [x, low, high]:
-            rest = f"{x.code} > {high.code} ? {high.code} : {x.code}"
-            return Text(f"{x.code} < {low.code} ? {low.code} : {rest}", SELECT)
+            rest = chosen(joined(">", COMPARE, x, high), high, x)
+            return chosen(joined("<", COMPARE, x, low), low, rest)
         case Operator.SIGN, [x]:
-            zero, one = (constant(v, scope.real).code for v in (0.0, 1.0))
-            signs = f"{x.code} > {zero} ? {one} : {x.code} < {zero} ? -{one}"
-            return Text(f"{signs} : {x.code} == {zero} ? {zero} : {x.code}", SELECT)
+            zero, one, less = (constant(v, scope.real) for v in (0.0, 1.0, -1.0))
+            zeros = chosen(joined("==", COMPARE, x, zero), zero, x)
+            negatives = chosen(joined("<", COMPARE, x, zero), less, zeros)
+            return chosen(joined(">", COMPARE, x, zero), one, negatives)
         case _, [x, y]:
-            return infix(operator, x, y)
+            return joined(operator.value, INFIX_LEVELS[operator], x, y)
         case _:
             raise AssertionError(f"{operator} with {len(arguments)} arguments")
 
@@ -250,10 +279,9 @@ def _loop(scope: CScope, loop: Loop) -> list[str]:
     inner = replace(scope, cursors={**scope.cursors, **named})
     lines, steps = [], []
     for cursor, name in named.items():
-        head, wraps = scope.heads[cursor.length], cursor.length - cursor.start
-        start = f"{head} < {wraps}u ? {head} + {cursor.start}u : {head} - {wraps}u"
-        lines.append(f"unsigned {name} = {start if cursor.start else head};")
-        steps.append(f"{name} = {name} == {cursor.length - 1}u ? 0u : {name} + 1u;")
+        start = along_ring(scope.heads[cursor.length], cursor.length, cursor.start)
+        lines.append(f"unsigned {name} = {start.code};")
+        steps.append(next_in_ring(name, cursor.length))
     return [
         *lines,
         f"for (unsigned {i} = 0u; {i} < {loop.index.count}u; {i}++) {{",
