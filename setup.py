@@ -5,7 +5,7 @@ the wheel carries them inside it, where `pirlc.resources` finds them.
 from setuptools import find_packages, setup
 
 RESOURCES = {f"pirlc._resources.{name}": name for name in ("grammars", "templates", "runtime")}
-KINDS = ["**/*.lark", "**/*.j2", "**/*.[ch]", "**/*.cpp", "**/*.py"]
+KINDS = ["**/*.lark", "**/*.j2", "**/*.css", "**/*.[ch]", "**/*.cpp", "**/*.py"]
 
 setup(
     packages=[*find_packages(include=["pirlc", "pirlc.*"]), *RESOURCES],

@@ -12,7 +12,7 @@ from pirlc.backend.files import write_bytes
 from pirlc.search.context import Record
 from pirlc.simulation.rollout import ReturnEstimate
 
-_STAGES = (
+STAGES = (
     ("initialize", "initialize", "o", "#4c72b0"),
     ("iteration", "Algorithm 1's loop", "s", "#55a868"),
     ("refine", "refined on return", "^", "#dd8452"),
@@ -24,7 +24,7 @@ _TAIL = 0.25
 """The share of the programs that may be left out at the bottom of a plot, at most."""
 
 
-def _lowest_shown(means: list[float]) -> float:
+def lowest_shown(means: list[float]) -> float:
     """Where the axis of returns may end, so that single very bad programs do not stretch it.
 
     Minus infinity unless the worst quarter takes up more room than all others.
@@ -47,7 +47,7 @@ def plot_search(
     figure = Figure(figsize=(7.5, 4.5), layout="constrained")
     axes = figure.add_subplot()
     shown: list[float] = []
-    for prefix, label, marker, color in _STAGES:
+    for prefix, label, marker, color in STAGES:
         points = [(c.size, c.mean) for stage, c in met if stage.startswith(prefix) and c.returns]
         if points:
             sizes, means = zip(*points, strict=True)
@@ -69,7 +69,7 @@ def plot_search(
     if oracle is not None:
         shown.append(oracle.mean)
         axes.axhline(oracle.mean, color="grey", linestyle="--", label=f"oracle: {oracle.mean:.2f}")
-    lowest = _lowest_shown(shown)
+    lowest = lowest_shown(shown)
     hidden = sum(mean < lowest for mean in shown)
     if hidden:
         axes.set_ylim(bottom=lowest)

@@ -1,4 +1,5 @@
-"""The mistakes about run folders and what a search is asked for (codes E0721 to E0726)."""
+"""The mistakes about run folders and what a search is asked for (codes E0721 to E0726), and
+about run folders that a page is to be made of (E0740, E0741)."""
 
 from __future__ import annotations
 
@@ -51,7 +52,32 @@ class NothingSoSmall:
     largest: int
 
 
-Problem = NoSimulator | ForeignFolder | OtherRun | DamagedRun | NothingFound | NothingSoSmall
+@dataclass(frozen=True)
+class NoRun:
+    """A page is wanted of a folder that holds no run."""
+
+    folder: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class DamagedFile:
+    """A file of a run that cannot be read as what it should be."""
+
+    file: str
+    reason: str
+
+
+Problem = (
+    NoSimulator
+    | ForeignFolder
+    | OtherRun
+    | DamagedRun
+    | NothingFound
+    | NothingSoSmall
+    | NoRun
+    | DamagedFile
+)
 
 
 def error(problem: Problem) -> PirlcError:
@@ -98,6 +124,19 @@ def describe(problem: Problem) -> Diagnostic:
                 f"the sketch allows no program of at most {largest} nodes",
                 help="`pirlc check --size N` lists how many there are of each size; "
                 "raise `--max-size`",
+            )
+        case NoRun(folder, reason):
+            return Diagnostic(
+                "E0740",
+                f"`{folder}` holds no run of `pirlc synth`: {reason}",
+                help="name the folder that was given to `pirlc synth` with `-o`",
+            )
+        case DamagedFile(file, reason):
+            return Diagnostic(
+                "E0741",
+                f"the run's file `{file}` cannot be used: {reason}",
+                help="repeat the run's command, which makes the file again; or move the file away, "
+                "and the page says that it is missing",
             )
         case _:
             assert_never(problem)

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from pirlc.report.plots import _lowest_shown
+from pirlc.report.plots import lowest_shown
 
 
 @pytest.mark.parametrize(
@@ -21,4 +21,4 @@ from pirlc.report.plots import _lowest_shown
     ],
 )
 def test_where_the_axis_ends(means, lowest):
-    assert _lowest_shown(means) == pytest.approx(lowest)
+    assert lowest_shown(means) == pytest.approx(lowest)

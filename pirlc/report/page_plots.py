@@ -1,0 +1,284 @@
+"""The plots of a run's page, as SVG that can stand inside HTML: no fonts, scripts or links of its
+own, names of its own for what it defines, the same bytes for the same data.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from pirlc.report.plots import STAGES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Data = Mapping[str, Any]
+
+_BLACK, _BLUE, _ORANGE, _GREEN, _RED = "#222222", "#0072b2", "#d55e00", "#007a5a", "#a3123a"
+_GREY = "#777777"
+_WIDTH = 7.2
+"""Inches: the width of the text on A4."""
+
+MOST_STEPS = 1000
+"""Of a trace that a plot shows; more would be a blur on paper."""
+
+MOST_PANELS = 8
+"""Of a counterexample's plot; all readings are in the JSON."""
+
+
+def page_plots(data: Data) -> dict[str, str]:
+    """The plots of the page by name. Those of counterexamples are under `counterexample POINTER`,
+    with the JSON pointer to the replay."""
+    found: dict[str, str] = {}
+    if data["search"] is not None:
+        found["search"] = _search(data["search"], data["program"], data["returns"])
+        if data["search"]["iterations"]:
+            found["iterations"] = _iterations(data["search"]["iterations"])
+    if data["returns"] is not None:
+        found["returns"] = _returns(data["returns"]["subjects"])
+    if data["traces"] is not None:
+        found["traces"] = _traces(data["traces"])
+    if data["verification"] is not None:
+        for pointer, title, replay in counterexamples(data["verification"]["found"]):
+            found[f"counterexample {pointer}"] = _counterexample(replay, title, pointer)
+    return found
+
+
+def counterexamples(found: Data) -> Iterator[tuple[str, str, Data]]:
+    """Each replay that refutes something: its JSON pointer, what it refutes, and itself."""
+    for i, property_ in enumerate(found["properties"]):
+        place = f"/verification/found/properties/{i}"
+        if property_["counterexample"] is not None:
+            title = f"Counterexample to {property_['name']}"
+            yield f"{place}/counterexample", property_["counterexample"]
+        for j, obligation in enumerate(property_["obligations"]):
+            if obligation["counterexample"] is not None:
+                title = f"Counterexample to {property_['name']}, {obligation['name']}"
+                replay = obligation["counterexample"]
+                yield f"{place}/obligations/{j}/counterexample", replay
+
+
+# Search
+
+
+def _search(search: Data, program: Data | None, returns: Data | None) -> str:
+    title = "Return against size of every program simulated"
+    with _drawing("search", 3.7) as figure:
+        axes = figure.add_subplot()
+        for prefix, label, marker, color in STAGES:
+            points = [p for p in search["points"] if p["stage"].startswith(prefix)]
+            if points:
+                axes.scatter(
+                    [p["size"] for p in points],
+                    [p["mean_return"] for p in points],
+                    s=20, label=label, marker=marker, color=color, alpha=0.65, linewidth=0,
+                )  # fmt: skip
+        known = {} if returns is None else {s["name"]: s for s in returns["subjects"]}
+        if program is not None and "program" in known:
+            mean = known["program"]["mean"]
+            axes.plot(
+                [program["size"]], [mean], "*", color=_BLACK, markersize=13, label="the program"
+            )
+        if "oracle" in known:
+            mean = known["oracle"]["mean"]
+            axes.axhline(mean, color=_GREY, linestyle="--", linewidth=1, label="the oracle")
+        if search["below"]:
+            axes.set_ylim(bottom=search["lowest_shown"])
+            text = f"{search['below']} of {search['simulated']} programs are below the plot"
+            axes.set_title(text, fontsize=8, loc="right")
+        axes.set_xlabel("size (nodes)")
+        axes.set_ylabel("mean return")
+        _legend(axes)
+        return _svg(figure, "search", title)
+
+
+def _iterations(iterations: Sequence[Data]) -> str:
+    title = "Distance to the oracle against iteration of Algorithm 1"
+    with _drawing("iterations", 3.0) as figure:
+        axes = figure.add_subplot()
+        for place, stage in enumerate(iterations):
+            losses = stage["distances"]
+            label = "programs tuned" if place == 0 else None
+            axes.plot(
+                [place] * len(losses), losses, "_", color=_GREY, markersize=14, alpha=0.5,
+                label=label,
+            )  # fmt: skip
+        places = range(len(iterations))
+        closest = [stage["closest"] for stage in iterations]
+        axes.plot(places, closest, "o-", color=_BLUE, markersize=5, label="the closest")
+        chosen = [(i, s["chosen"]) for i, s in enumerate(iterations) if s["chosen"] is not None]
+        if chosen:
+            axes.plot(
+                *zip(*chosen, strict=True), "D--", color=_ORANGE, markersize=5,
+                label="the one chosen, by return",
+            )  # fmt: skip
+        axes.set_xticks(list(places), [stage["stage"] for stage in iterations])
+        axes.set_xlim(-0.5, len(iterations) - 0.5)
+        axes.set_ylabel("distance to the oracle")
+        axes.set_ylim(bottom=0.0)
+        _legend(axes)
+        return _svg(figure, "iterations", title)
+
+
+def _returns(subjects: Sequence[Data]) -> str:
+    title = "Mean returns with their intervals"
+    with _drawing("returns", 0.7 + 0.34 * len(subjects)) as figure:
+        axes = figure.add_subplot()
+        for place, subject in enumerate(subjects):
+            mean = subject["mean"]
+            if subject["low"] is not None and subject["high"] is not None:
+                axes.plot([subject["low"], subject["high"]], [place] * 2, "|-", color=_BLUE)
+            axes.plot([mean], [place], "o", color=_BLACK, markersize=5)
+        axes.set_yticks(range(len(subjects)), [subject["name"] for subject in subjects])
+        axes.set_ylim(len(subjects) - 0.5, -0.5)
+        axes.margins(x=0.1)
+        axes.set_xlabel("return")
+        return _svg(figure, "returns", title)
+
+
+# Traces
+
+
+def _traces(traces: Data) -> str:
+    title = "Actions of the program and of the oracle over one unseen episode"
+    shown = min(traces["steps"], MOST_STEPS)
+    distance = traces["distance"]
+    count = len(traces["actions"]) + (distance is not None)
+    with _drawing("traces", 0.6 + 1.5 * count) as figure:
+        panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+        steps = range(shown)
+        for axes, action in zip(panels, traces["actions"], strict=False):
+            style = {"drawstyle": "steps-post", "linewidth": 1.0}
+            if action["oracle"] is not None:
+                axes.plot(
+                    steps, _curve(action["oracle"][:shown]), color=_ORANGE, label="oracle",
+                    linestyle="--", **style,
+                )  # fmt: skip
+            axes.plot(
+                steps, _curve(action["program"][:shown]), color=_BLUE, label="program", **style
+            )
+            axes.set_ylabel(action["name"])
+        if distance is not None:
+            panels[-1].plot(
+                steps, distance[:shown], color=_BLACK, linewidth=0.9, drawstyle="steps-post"
+            )
+            panels[-1].set_ylabel("distance")
+            panels[-1].set_ylim(bottom=0.0)
+        panels[-1].set_xlabel("step")
+        panels[-1].set_xlim(0, max(1, shown - 1))
+        _legend(panels[0])
+        return _svg(figure, "traces", title)
+
+
+def _curve(values: Sequence[float | None]) -> list[float]:
+    return [float("nan") if value is None else float(value) for value in values]
+
+
+# Counterexamples
+
+
+def _counterexample(replay: Data, title: str, pointer: str) -> str:
+    """Readings, then actions, against the step; step 0 is the first that the property speaks of."""
+    readings, steps = replay["history"]["readings"], replay["steps"]
+    actions = list(steps[0]["raw"]) if steps else []
+    panels = ([("reading", n) for n in readings] + [("action", n) for n in actions])[-MOST_PANELS:]
+    rows = (len(panels) + 1) // 2
+    name = "counterexample" + re.sub(r"\D+", "-", pointer)
+    with _drawing(name, 0.4 + 1.35 * rows) as figure:
+        grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
+        for axes, (kind, what) in zip(grid.flat, panels, strict=False):
+            if kind == "reading":
+                values = _curve(readings[what])
+                first = len(steps) - len(values)
+                axes.plot(range(first, len(steps)), values, "o-", color=_GREEN, markersize=3.5)
+                axes.set_ylabel(what)
+            else:
+                raw = _curve([step["raw"][what] for step in steps])
+                applied = _curve([step["applied"][what] for step in steps])
+                axes.plot(range(len(steps)), raw, "s--", color=_RED, markersize=4, label="raw")
+                axes.plot(
+                    range(len(steps)), applied, "o-", color=_BLUE, markersize=3.5, label="applied"
+                )
+                axes.set_ylabel(what)
+                _legend(axes)
+            axes.axvline(-0.5, color=_GREY, linewidth=0.8, linestyle=":")
+            axes.xaxis.get_major_locator().set_params(integer=True)
+        for axes in grid.flat[len(panels) :]:
+            axes.set_axis_off()
+        for axes in grid[-1]:
+            axes.set_xlabel("step")
+        return _svg(figure, name, title)
+
+
+# SVG
+
+
+_SETTINGS = {
+    "svg.fonttype": "none",
+    # Names come from the sketch: a `$` in them is no formula.
+    "text.parse_math": False,
+    "font.family": "sans-serif",
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.35,
+    "grid.linewidth": 0.5,
+    "axes.axisbelow": True,
+    "axes.linewidth": 0.7,
+    "legend.fontsize": 8,
+    "legend.framealpha": 0.9,
+}
+
+
+@contextmanager
+def _drawing(name: str, height: float) -> Iterator[Figure]:
+    """A figure, under settings that make its SVG depend on nothing but what is drawn."""
+    import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    # Nobody's own settings of matplotlib play a part.
+    own = {k: v for k, v in matplotlib.rcParamsDefault.items() if "backend" not in k}
+    settings: dict[Any, Any] = {**own, **_SETTINGS, "svg.hashsalt": name}
+    with matplotlib.rc_context(settings):
+        figure = Figure(figsize=(_WIDTH, height), layout="constrained")
+        FigureCanvasSVG(figure)
+        yield figure
+
+
+def _legend(axes: Axes) -> None:
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="best")
+
+
+def _svg(figure: Figure, name: str, title: str) -> str:
+    stream = io.BytesIO()
+    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    return inline_svg(stream.getvalue().decode(), name, title)
+
+
+def inline_svg(text: str, name: str, title: str) -> str:
+    """An SVG file of matplotlib's as an element for HTML, with a title for those who cannot see it.
+
+    Prolog, metadata and its style sheet (which would reach the whole page) are left out, and its
+    ids get `name` in front, since ids are the page's.
+    """
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
+    text = re.sub(r"<defs>\s*<style.*?</style>\s*</defs>\s*", "", text, count=1, flags=re.DOTALL)
+    text = re.sub(r'\bid="', f'id="{name}-', text)
+    text = re.sub(r"url\(#", f"url(#{name}-", text)
+    text = re.sub(r'href="#', f'href="#{name}-', text)
+    text = re.sub(r"font: ([\d.]+px)[^;\"]*", r"font: \1 var(--sans)", text)
+    text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
+    label = f'role="img" aria-labelledby="{name}-title"'
+    head = f'<title id="{name}-title">{escape(title)}</title>'
+    return re.sub(
+        r"<svg ([^>]*)>", lambda svg: f"<svg {label} {svg[1]}>\n{head}", text, count=1
+    ).rstrip()

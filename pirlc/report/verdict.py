@@ -1,0 +1,84 @@
+"""What a run comes to, in a line for each kind of evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pirlc.report.words import counted, in_interval, tally
+
+Data = Mapping[str, Any]
+
+
+def verdict(
+    returns: Data | None, verification: Data | None, analysis: Data | None, *, with_program: bool
+) -> list[dict[str, str]]:
+    """Sentences, each with a `mark`: good, bad, open (not known), or plain (a figure, no claim)."""
+    if not with_program:
+        return [_said("open", "No program has been found yet.")]
+    lines = [
+        _of_returns(returns),
+        *([] if verification is None else _of_proofs(verification["found"])),
+        *([] if analysis is None else _of_loops(analysis)),
+    ]
+    if verification is None:
+        lines.append(_said("open", "No property has been proved: verification has not been run."))
+    return lines
+
+
+def _said(mark: str, text: str) -> dict[str, str]:
+    return {"mark": mark, "text": text}
+
+
+def _of_returns(returns: Data | None) -> dict[str, str]:
+    if returns is None:
+        return _said("open", "The return has not been measured on unseen episodes.")
+    known = {subject["name"]: subject for subject in returns["subjects"]}
+    program, oracle = known["program"], known.get("oracle")
+    episodes = counted(program["episodes"], "unseen episode")
+    text = f"Return over {episodes}: {in_interval(program)}"
+    if oracle is not None:
+        text += f". The oracle's: {in_interval(oracle)}"
+    return _said("plain", text + ".")
+
+
+def _of_proofs(found: Data) -> Iterator[dict[str, str]]:
+    properties = found["properties"]
+    if properties:
+        kinds = [p["evidence"]["kind"] for p in properties]
+        proved = kinds.count("proved")
+        text = f"Properties: {proved} of {len(kinds)} proved"
+        rest = tally(kind for kind in kinds if kind != "proved")
+        yield _said(_mark(kinds), text + (f", {rest}." if rest else "."))
+    else:
+        yield _said("plain", "The program states no property to prove.")
+    emitted = found["emitted"]
+    if emitted:
+        kinds = [e["evidence"]["kind"] for e in emitted]
+        same = "The emitted C is the program, for all inputs and states"
+        words = "; ".join(f"{e['real']}: {e['evidence']['words']}" for e in emitted)
+        yield _said(_mark(kinds), f"{same}: {words}.")
+
+
+def _mark(kinds: list[str]) -> str:
+    if "refuted" in kinds:
+        return "bad"
+    return "good" if all(kind == "proved" for kind in kinds) else "open"
+
+
+def _of_loops(analysis: Data) -> Iterator[dict[str, str]]:
+    loops = analysis["loops"]
+    if not loops:
+        return
+    stable = sum(loop["stable"] for loop in loops)
+    text = f"Linearised loops: {stable} of {len(loops)} stable"
+    margins = [loop["margins"] for loop in loops if loop["margins"] is not None]
+    if margins:
+        phase = min(float(m["phase"]) for m in margins)
+        gain = min(float(m["gain_up"]) for m in margins)
+        delay = min(float(m["delay_samples"]) for m in margins)
+        text += (
+            f"; the smallest margins are a gain factor of {gain:.3g}, a phase of {phase:.3g} "
+            f"degrees and a delay of {delay:.3g} samples"
+        )
+    yield _said("plain" if stable == len(loops) else "bad", text + ".")
