@@ -50,7 +50,8 @@ class GuardKey:
 class Guard:
     """A comparison `a relation b`; for `sign(a)` the relation is None and b zero.
 
-    One between discrete actions has no key. `path` is the condition under which the branch that it is in is taken; `defined` that of a, b.
+    One between discrete actions has no key. `path` is the condition under which the branch that it
+    is in is taken; `defined` that of a and b.
     """
 
     key: GuardKey | None
@@ -172,12 +173,12 @@ class BodyForm:
             parameter=lambda name: Form(self.inputs.parameters[name]),
             element=lambda sensor, index: Form(self.inputs.element(sensor, index)),
             previous=previous,
-            operators=self._operators(),
+            operators=self.operators(),
             choose=self._choose,
             watcher=self,
         )
 
-    def _operators(self) -> dict[Operator, Callable[..., Form]]:
+    def operators(self) -> dict[Operator, Callable[..., Form]]:
         def compared(relation: Operator) -> Callable[[Form, Form], Form]:
             return lambda a, b: self._compare(relation, a, b)
 

@@ -20,7 +20,7 @@ from itertools import pairwise
 
 import z3
 
-from pirlc.ir.policy import ActionSpec, Choice, Continuous, Program
+from pirlc.ir.policy import ActionSpec, Choice, Continuous, Hold, Program
 from pirlc.semantics.precision import BINARY64, Precision, middle, widened
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import BodyForm, Form, GuardKey, Inputs, Records, exactly
@@ -51,7 +51,7 @@ class Circumstances:
 @dataclass(frozen=True)
 class Perturbation:
     """How far a precision's rounding may move raw results (by action) and the difference of the
-    sides of guards. What is missing from either may be off by any amount."""
+    sides of guards. A guard that is missing may turn anywhere, an action may be anything."""
 
     precision: Precision
     raw: Mapping[str, Fraction]
@@ -84,7 +84,6 @@ class Model:
     previous: Mapping[str, Term]
     steps: tuple[StepForm, ...]
     constraints: tuple[Term, ...]
-    nonlinear: bool
     seen: Mapping[str, tuple[tuple[Real, ...], ...]]
     late: Mapping[str, Term]
     zeros: Mapping[str, tuple[Term, ...]]
@@ -133,6 +132,15 @@ def reading_range(program: Program, sensor: str) -> tuple[Fraction, Fraction]:
     return Fraction(low), Fraction(high)
 
 
+def failing_sensors(program: Program) -> tuple[str, ...]:
+    """The sensors whose missing readings make every action safe."""
+    return tuple(
+        sensor.name
+        for sensor in program.interface.sensors
+        if isinstance(sensor.missing, Hold) and sensor.missing.limit is not None
+    )
+
+
 class _Unrolling:
     def __init__(
         self,
@@ -170,7 +178,6 @@ class _Unrolling:
             first,
             tuple(stepped),
             tuple(terms),
-            self.functions.nonlinear,
             seen,
             self.late,
             self.zeros,
@@ -244,7 +251,7 @@ class _Unrolling:
             lambda sensor, index: seen[sensor][step][index],
             previous,
         )
-        safe = z3.Bool(f"safe in step {step}", self.context) if self.circumstances.failing else None
+        safe = self._failing(step, seen) if self.circumstances.failing else None
         raw: dict[str, Form] = {}
         applied: dict[str, Form] = {}
         records: dict[str, Records] = {}
@@ -257,6 +264,18 @@ class _Unrolling:
             records[spec.name] = form.records
         return StepForm(raw, applied, records, safe)
 
+    def _failing(self, step: int, seen: Mapping[str, tuple[tuple[Real, ...], ...]]) -> Term:
+        """Whether a sensor fails in this step; what its window gets then is its last reading."""
+        safe = z3.Bool(f"safe in step {step}", self.context)
+        held = []
+        for name in failing_sensors(self.program):
+            window = seen[name][step]
+            earlier = window[-2] if len(window) > 1 else seen[name][step - 1][-1] if step else None
+            known = earlier is not None and self.program.interface.latency == 0
+            held.append(exact.equal(window[-1], earlier) if known else True)
+        self.constraints.append(exact.disjunction((z3.Not(safe), *held)))
+        return safe
+
     def _margin(self, key: GuardKey) -> Fraction | None:
         return exactly(key) if self.perturbation is None else self.perturbation.guards.get(key)
 
@@ -264,10 +283,11 @@ class _Unrolling:
         if self.perturbation is None or isinstance(spec.domain, Choice):
             return result
         bound = self.perturbation.raw.get(spec.name)
+        if bound is None:
+            return Form(Fraction(0), False)
         value = z3.Real(f"rounded {spec.name} {step}", self.context)
-        if bound is not None:
-            off = exact.subtract(value, result.value)
-            self.constraints.append(exact.within(off, -bound, bound))
+        off = exact.subtract(value, result.value)
+        self.constraints.append(exact.within(off, -bound, bound))
         return Form(value, result.defined)
 
     def _applied(self, spec: ActionSpec, raw: Form, step: int, safe: Term | None) -> Form:
