@@ -293,7 +293,8 @@ class SwitchingFinding:
 
     `modes` are the names of the leaves (several actions joined by " + "), `lyapunov` is P, exact,
     where one was found and confirmed in exact rationals; `tried` says what was tried, in order.
-    `decay` is a factor by which V falls at least each step.
+    `decay` (below 1): V(k+1) < decay V(k). `pieces`, where no one P serves: one for each mode,
+    exact too; V is then that of the mode in force.
     """
 
     modes: tuple[str, ...]
@@ -303,6 +304,7 @@ class SwitchingFinding:
     evidence: Evidence
     tried: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    pieces: tuple[tuple[tuple[Fraction, ...], ...], ...] = ()
 
 
 @dataclass(frozen=True)
