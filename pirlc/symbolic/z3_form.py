@@ -63,6 +63,10 @@ class Guard:
     path: Truth
     span: Span
 
+    @property
+    def discrete(self) -> bool:
+        return self.key is None
+
 
 @dataclass(frozen=True)
 class Partial:

@@ -48,6 +48,10 @@ class Circumstances:
     failing: bool = False
 
 
+ORDINARY = Circumstances()
+"""Good readings and clipped results."""
+
+
 @dataclass(frozen=True)
 class Perturbation:
     """How far a precision's rounding may move raw results (by action) and the difference of the
@@ -111,7 +115,7 @@ def new_solver(context: z3.Context, nonlinear: bool, work: int = 0, seed: int = 
 def unroll(
     program: Program,
     steps: int,
-    circumstances: Circumstances = Circumstances(),
+    circumstances: Circumstances = ORDINARY,
     perturbation: Perturbation | None = None,
 ) -> Model:
     """The program over `steps` steps."""

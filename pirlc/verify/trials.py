@@ -40,7 +40,7 @@ def _value(answer: z3.ModelRef, term: Term) -> Fraction:
 
 
 def _is_true(answer: z3.ModelRef, term: Term) -> bool:
-    return z3.is_true(answer.eval(term, model_completion=True))
+    return bool(z3.is_true(answer.eval(term, model_completion=True)))
 
 
 def _trial(model: Model, answer: z3.ModelRef, precision: Precision) -> Trial:
