@@ -56,7 +56,9 @@ class Undecided:
 
 Answer = Never | Found | Undecided
 
-_SLACKS = tuple(Fraction(1, 10**n) for n in (1, 2, 3, 4, 5, 6, 8, 10, 12))
+_SLACKS = (Fraction(1, 3), *(Fraction(1, 10**n) for n in (1, 2, 3, 4, 5, 6, 8, 10, 12)))
+
+_SHARES = (Fraction(0), Fraction(1, 1000), Fraction(1, 30), Fraction(1, 3))
 
 
 def ask(asked: Question, claim: Property, limits: Limits, precision: Precision) -> Answer:
@@ -96,9 +98,16 @@ def _check(solver: z3.Solver, *conditions: exact.Truth) -> z3.CheckSatResult:
 
 
 def _models(solver: z3.Solver, asked: Question) -> Iterator[Trial]:
-    """Violations, those with the most room first: rounding to floats may lose the others."""
-    clear = [(exact.equal(asked.slack, slack), asked.clear) for slack in _SLACKS]
-    for conditions in (*clear, (asked.violated,), (asked.undefined,)):
+    """Violations, the most promising first: numbers rounded to floats may lose the others.
+
+    Over the reals those with the most room; with rounding those that need the least of it.
+    """
+    hints: list[tuple[exact.Truth, ...]]
+    if asked.model.scale is None:
+        hints = [(exact.equal(asked.slack, slack), asked.clear) for slack in _SLACKS]
+    else:
+        hints = [(exact.equal(asked.model.scale, s), asked.violated) for s in _SHARES]
+    for conditions in (*hints, (asked.violated,), (asked.undefined,)):
         solver.push()
         solver.add(*conditions)
         if solver.check() == z3.sat:

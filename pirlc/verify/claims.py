@@ -133,12 +133,18 @@ def _comparison(relation: Operator, slack: Term) -> Callable[[Claim, Claim], Cla
 
 
 def _clearly(relation: Operator, a: Form, b: Form, slack: Term) -> Truth:
-    """The comparison holds, and not by less than the slack (an equality: just holds)."""
+    """The comparison holds, and not by less than the slack (an equality: just holds).
+
+    Beside a constant the slack is a share of it: in `sum < 0.006 implies change < 0.1` both sides
+    get their due.
+    """
     plain = exact.compare(relation, a.value, b.value)
     if relation is Operator.EQUAL:
         return plain
+    sizes = [abs(x.value) for x in (a, b) if isinstance(x.value, Fraction) and x.value]
+    room = exact.multiply(min(sizes, default=Fraction(1)), slack)
     apart = exact.absolute(exact.subtract(a.value, b.value))
-    return exact.conjunction((plain, exact.at_most(slack, apart)))
+    return exact.conjunction((plain, exact.at_most(room, apart)))
 
 
 def _and(a: Claim, b: Claim) -> Claim:

@@ -92,6 +92,8 @@ class Model:
     late: Mapping[str, Term]
     zeros: Mapping[str, tuple[Term, ...]]
     functions: Functions
+    scale: Term | None = None
+    """In a perturbed model: the share of the rounding bounds on results that is used, 0 to 1."""
 
     def window(self, sensor: str, step: int) -> tuple[Real, ...]:
         return self.seen[sensor][step]
@@ -161,6 +163,10 @@ class _Unrolling:
         self.context = z3.Context()
         self.functions = Functions(self.context)
         self.constraints: list[Truth] = []
+        self.scale: Term | None = None
+        if perturbation is not None:
+            self.scale = z3.Real("share of the rounding", self.context)
+            self.constraints.append(exact.within(self.scale, Fraction(0), Fraction(1)))
         self.late: dict[str, Term] = {}
         self.zeros: dict[str, tuple[Term, ...]] = {}
 
@@ -186,6 +192,7 @@ class _Unrolling:
             self.late,
             self.zeros,
             self.functions,
+            self.scale,
         )
 
     # Readings and windows.
@@ -291,7 +298,8 @@ class _Unrolling:
             return Form(Fraction(0), False)
         value = z3.Real(f"rounded {spec.name} {step}", self.context)
         off = exact.subtract(value, result.value)
-        self.constraints.append(exact.within(off, -bound, bound))
+        most = exact.multiply(bound, self.scale)
+        self.constraints.append(exact.within(off, exact.negate(most), most))
         return Form(value, result.defined)
 
     def _applied(self, spec: ActionSpec, raw: Form, step: int, safe: Term | None) -> Form:

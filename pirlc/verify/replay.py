@@ -112,9 +112,14 @@ def as_replay(trial: Trial, steps: tuple[Observed, ...]) -> Replay:
     return Replay(trial.history, tuple(Step(step.raw, step.applied) for step in steps))
 
 
-def near_reading(sensor: Sensor, value: Fraction, precision: Precision) -> float:
-    """The number of a precision nearest to a reading, inside the sensor's widened range."""
+def near_reading(
+    sensor: Sensor, value: Fraction, precision: Precision, digits: int | None = None
+) -> float:
+    """A number of a precision near a reading, inside the sensor's widened range: the nearest, or
+    with `digits` one that this many decimals of the range's size tell."""
     low, high = widened(sensor.lower, sensor.upper)
+    if digits is not None:
+        value = round(value, digits - math.ceil(math.log10(high - low)))
     near = float(value)
     near = near if precision is BINARY64 else to_binary32(near)
     return min(max(near, low), high)

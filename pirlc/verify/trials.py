@@ -29,9 +29,12 @@ Reals = NDArray[np.float64]
 
 
 def trials_of(model: Model, answer: z3.ModelRef) -> Iterator[Trial]:
-    """What z3 found, in numbers that controllers meet: in binary32 first, as most readings are."""
-    for precision in (BINARY32, BINARY64):
-        yield _trial(model, answer, precision)
+    """What z3 found in numbers that controllers meet: short ones first, then all of binary32, as
+    most readings are, then of binary64.
+    """
+    for digits in (2, 3, 4, 6, None):
+        yield _trial(model, answer, BINARY32, digits)
+    yield _trial(model, answer, BINARY64, None)
 
 
 def _value(answer: z3.ModelRef, term: Term) -> Fraction:
@@ -43,13 +46,13 @@ def _is_true(answer: z3.ModelRef, term: Term) -> bool:
     return bool(z3.is_true(answer.eval(term, model_completion=True)))
 
 
-def _trial(model: Model, answer: z3.ModelRef, precision: Precision) -> Trial:
+def _trial(model: Model, answer: z3.ModelRef, precision: Precision, digits: int | None) -> Trial:
     program, window = model.program, model.program.interface.window
     readings: dict[str, tuple[float, ...]] = {}
     late: set[str] = set()
     for sensor in program.interface.sensors:
         given = [
-            near_reading(sensor, _value(answer, term), precision)
+            near_reading(sensor, _value(answer, term), precision, digits)
             for term in model.readings[sensor.name]
         ]
         for place, is_zero in enumerate(model.zeros.get(sensor.name, ())):
