@@ -1,0 +1,235 @@
+"""Compares emitted C with its program, part by part."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from pirlc.backend.c import CPrinter, c_files
+from pirlc.backend.files import Provenance
+from pirlc.backend.numbers import PRECISIONS, RealType
+from pirlc.ir.controller import Controller, Kind
+from pirlc.ir.evidence import REFUTED, Evidence, unknown
+from pirlc.ir.evidence import Kind as EvidenceKind
+from pirlc.ir.policy import Program
+from pirlc.lower import lower
+from pirlc.verify.emitted.graph import Graph, LimitReached, Node, NotUnderstood, describe
+from pirlc.verify.emitted.machine import Machine
+from pirlc.verify.emitted.meaning import Meaning, StateNodes
+from pirlc.verify.emitted.memory import Array, Memory
+from pirlc.verify.emitted.preprocess import guard_faults, preprocessed
+from pirlc.verify.emitted.relation import (
+    INPUT,
+    OUTPUT,
+    PARAMETERS,
+    STATE,
+    Relation,
+    blank,
+    check_struct,
+)
+from pirlc.verify.emitted.syntax import CType, Unit, read
+from pirlc.verify.findings import Difference, EmittedFinding
+
+_LIMIT = "limit reached: the program is too large to compare"
+_WIDE = "where int has 32 bits"
+
+
+def check_emitted(program: Program, real: RealType = "double") -> EmittedFinding:
+    """Whether the C that is emitted for a program is that program."""
+    controller = lower(program)
+    header, source = c_files(controller, real, Provenance(program.interface.name))
+    return _checked(program, controller, header.text, source.text, real)
+
+
+def check_text(
+    program: Program, header: str, source: str, real: RealType = "double"
+) -> EmittedFinding:
+    """The same of a given header and source."""
+    return _checked(program, lower(program), header, source, real)
+
+
+def _checked(
+    program: Program, controller: Controller, header: str, source: str, real: RealType
+) -> EmittedFinding:
+    start = time.perf_counter()
+    comparison = Comparison(program, CPrinter(controller, real), real)
+    evidence = Evidence(EvidenceKind.PROVED)
+    try:
+        comparison.run(header, source)
+    except (LimitReached, RecursionError):
+        evidence = unknown(_LIMIT)
+    if comparison.needs_wide_int:
+        evidence = Evidence(evidence.kind, _WIDE)
+    differences = tuple(comparison.differences)
+    if differences:
+        from pirlc.verify.emitted.example import example_of
+
+        example = example_of(program, header, source, comparison.printer, real)
+        evidence = unknown("not shown to be equal")
+        if example is not None:
+            evidence = REFUTED
+            differences = (example, *differences)
+    seconds = time.perf_counter() - start
+    return EmittedFinding(real, evidence, seconds, tuple(comparison.compared), differences)
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A translation unit, and the names that it must have."""
+
+    unit: Unit
+    stem: str
+
+    def struct(self, kind: str) -> str:
+        return f"{self.stem}_{kind}"
+
+    def objects(self) -> dict[str, str]:
+        """The memory's object for each struct."""
+        kinds = ("params", PARAMETERS), ("state", STATE), ("observation", INPUT), ("action", OUTPUT)
+        return {self.struct(kind): object_ for kind, object_ in kinds}
+
+
+def load(header: str, source: str, printer: CPrinter, real: RealType) -> Loaded:
+    """The unit, with the structs and signatures of the contract. Raises `NotUnderstood`."""
+    loaded = Loaded(read(preprocessed(header, source, printer.stem)), printer.stem)
+    unit, type_, controller = loaded.unit, CType(real), printer.controller
+    names = [printer.inputs[c.name] for c in controller.channels]
+    check_struct(unit, loaded.struct("observation"), tuple((name, type_) for name in names))
+    check_struct(
+        unit,
+        loaded.struct("action"),
+        tuple(
+            (printer.actions[o.name], type_ if o.kind is Kind.REAL else CType(printer.discrete))
+            for o in controller.outputs
+        ),
+    )
+    parameters = [printer.parameters[name] for name, _ in controller.parameters]
+    check_struct(unit, loaded.struct("params"), tuple((name, type_) for name in parameters))
+    if loaded.struct("state") not in unit.structs:
+        raise NotUnderstood(f"there is no {loaded.struct('state')}")
+    params, state, observation, action = loaded.objects()
+    signatures = {
+        f"{loaded.stem}_reset": ("void", ((state, False),)),
+        f"{loaded.stem}_step": (
+            "unsigned",
+            ((params, True), (state, False), (observation, True), (action, False)),
+        ),
+    }
+    if set(unit.functions) != set(signatures):
+        raise NotUnderstood("functions other than reset and step: " + ", ".join(unit.functions))
+    for name, (result, wanted) in signatures.items():
+        function = unit.functions[name]
+        declared = unit.prototypes.get(name, ("", ()))
+        for what, parameters_ in (
+            (function.result, function.parameters),
+            (declared[0], declared[1]),
+        ):
+            have = tuple((struct, constant) for _, struct, constant in parameters_)
+            if (what, have) != (result, wanted):
+                raise NotUnderstood(f"the signature of {name}")
+    return loaded
+
+
+class Comparison:
+    """One comparison: what was compared, and what differs."""
+
+    def __init__(self, program: Program, printer: CPrinter, real: RealType) -> None:
+        self.printer, self.real = printer, real
+        self.meaning = Meaning(Graph(), program, PRECISIONS[real])
+        self.compared: list[str] = []
+        self.differences: list[Difference] = []
+        self.needs_wide_int = False
+
+    def run(self, header: str, source: str) -> None:
+        try:
+            loaded = load(header, source, self.printer, self.real)
+        except NotUnderstood as reason:
+            self._refuse("source", reason)
+            return
+        self.compared.append("refusals of other platforms")
+        for fault in guard_faults(source, loaded.stem, self.real):
+            self.differences.append(Difference("platform", fault, "refuses what changes results"))
+        for part, compare in (
+            ("default parameters", self._defaults),
+            ("reset", self._reset),
+            ("step", self._step),
+        ):
+            try:
+                compare(loaded)
+            except NotUnderstood as reason:
+                self._refuse(part, reason)
+
+    def _refuse(self, part: str, reason: NotUnderstood) -> None:
+        self.differences.append(Difference(part, f"not understood: {reason}", ""))
+
+    def _defaults(self, loaded: Loaded) -> None:
+        self.compared.append("default parameters")
+        held = defaults(self.meaning.graph, loaded)
+        for name, value in self.meaning.program.values.items():
+            member = self.printer.parameters[name]
+            self._same(f"default {member}", held[PARAMETERS, member], self.meaning.real(value))
+
+    def _reset(self, loaded: Loaded) -> None:
+        graph, members = self.meaning.graph, loaded.unit.structs[loaded.struct("state")]
+        machine = Machine(graph, loaded.unit, blank(graph, STATE, members))
+        machine.run(loaded.unit.functions[f"{loaded.stem}_reset"], loaded.objects())
+        self._note("after reset, ", loaded, machine, self.meaning.initial())
+
+    def _step(self, loaded: Loaded) -> None:
+        meaning, graph, unit = self.meaning, self.meaning.graph, loaded.unit
+        state = meaning.any_state()
+        relation = self._relation(loaded)
+        memory = relation.before(state)
+        readings = {s.name: meaning.reading(s) for s in meaning.interface.sensors}
+        after = meaning.step(state, readings)
+        for lack in meaning.invariant(after.state) + meaning.invariant(meaning.initial()):
+            self.differences.append(Difference("program", "", f"not shown: {lack}"))
+        for object_, kind in ((OUTPUT, "action"), (INPUT, "observation"), (PARAMETERS, "params")):
+            memory |= blank(graph, object_, unit.structs[loaded.struct(kind)])
+        for name, node in readings.items():
+            memory[INPUT, self.printer.inputs[name]] = node
+        for name in meaning.program.values:
+            memory[PARAMETERS, self.printer.parameters[name]] = meaning.parameter(name)
+        machine = Machine(graph, unit, memory)
+        status = machine.run(unit.functions[f"{loaded.stem}_step"], loaded.objects())
+        assert status is not None
+        for action, node in zip(meaning.interface.actions, after.actions, strict=True):
+            self.compared.append(f"action {action.name}")
+            held = machine.memory[OUTPUT, self.printer.actions[action.name]]
+            self._same(f"action {action.name}", held, node)
+        self.compared.append("status")
+        self._same("status", status, after.status)
+        self._note("", loaded, machine, after.state)
+
+    def _note(self, when: str, loaded: Loaded, machine: Machine, state: StateNodes) -> None:
+        self.needs_wide_int |= machine.needs_wide_int
+        relation = self._relation(loaded)
+        self.compared += [f"{when}state {name}" for name in relation.expected(state)]
+        for mismatch in relation.mismatches(machine.memory, state):
+            self._same(f"{when}{mismatch.part}", mismatch.emitted, mismatch.program)
+
+    def _relation(self, loaded: Loaded) -> Relation:
+        members = loaded.unit.structs[loaded.struct("state")]
+        return Relation(self.meaning, self.printer, {m.name: m for m in members})
+
+    def _same(self, part: str, emitted: Node | Array, program: Node) -> None:
+        assert not isinstance(emitted, Array)
+        if emitted is not program:
+            self.differences.append(Difference(part, describe(emitted), describe(program)))
+
+
+def defaults(graph: Graph, loaded: Loaded) -> Memory:
+    """The parameters' default values, as an object in memory."""
+    name, struct = loaded.struct("default_params"), loaded.struct("params")
+    if set(loaded.unit.constants) != {name} or loaded.unit.constants[name][0] != struct:
+        raise NotUnderstood(f"constants other than {name}")
+    if name not in loaded.unit.declared:
+        raise NotUnderstood(f"{name} is not in the header")
+    members, values = loaded.unit.structs[struct], loaded.unit.constants[name][1].exprs
+    if len(members) != len(values):
+        raise NotUnderstood(f"{name} has {len(values)} values for {len(members)} members")
+    machine = Machine(graph, loaded.unit, {})
+    return {
+        (PARAMETERS, member.name): machine.constant_of(value, member.type)
+        for member, value in zip(members, values, strict=True)
+    }
