@@ -294,7 +294,7 @@ class SwitchingFinding:
     `modes` are the names of the leaves (several actions joined by " + "), `lyapunov` is P, exact,
     where one was found and confirmed in exact rationals; `tried` says what was tried, in order.
     `decay` (below 1): V(k+1) < decay V(k). `pieces`, where no one P serves: one for each mode,
-    exact too; V is then that of the mode in force.
+    or for each few modes in turn, exact too; V is then that of the modes in force and to come.
     """
 
     modes: tuple[str, ...]
@@ -304,7 +304,7 @@ class SwitchingFinding:
     evidence: Evidence
     tried: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    pieces: tuple[tuple[tuple[Fraction, ...], ...], ...] = ()
+    pieces: Mapping[str, tuple[tuple[Fraction, ...], ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -22,14 +23,31 @@ Real = NDArray[np.float64]
 _SHARES = (0.5, 0.9, 0.99)
 """Decays to try, between the largest mode's squared spectral radius (0) and 1 (1)."""
 
+_SPREAD = 1e6
+"""The largest eigenvalue that a matrix may have, its least being 1."""
+
 _BITS = (16, 24, 36, 53)
 """Bits of the rationals to try, fewest first."""
 
 
+Word = tuple[int, ...]
+"""The numbers of the mode in force and of those that come next."""
+
+
+@dataclass(frozen=True)
+class Edge:
+    """Under this mode what `here` measures becomes what `there` measures (numbers of words)."""
+
+    mode: int
+    here: int
+    there: int
+
+
 @dataclass(frozen=True)
 class Lyapunov:
-    """One P for all modes, or one for each; V falls by `decay` (below 1) or more each step."""
+    """A function for each of `words`; the one in force falls by `decay` (below 1) or more a step."""
 
+    words: tuple[Word, ...]
     matrices: tuple[Rational, ...]
     decay: Fraction
 
@@ -42,34 +60,41 @@ def _floats(matrix: Rational) -> Real:
     return np.array([[float(value) for value in row] for row in matrix])
 
 
-def common(modes: Sequence[Rational]) -> Lyapunov | None:
-    """P with A_i' P A_i < decay P for every mode."""
-    return _found(modes, single=True)
+def words_of(modes: int, length: int) -> tuple[Word, ...]:
+    return tuple(product(range(modes), repeat=length))
 
 
-def switched(modes: Sequence[Rational]) -> Lyapunov | None:
-    """P_i, one for each mode, with A_i' P_j A_i < decay P_i for all i, j.
+def edges_of(words: Sequence[Word], modes: int) -> tuple[Edge, ...]:
+    """Every way on from every word: its first mode is done, another joins at its end."""
+    return tuple(
+        Edge((*word, joining)[0], here, words.index((*word, joining)[1:]))
+        for here, word in enumerate(words)
+        for joining in range(modes)
+    )
 
-    V(k) = z' P_i z with i the mode at k falls in whatever order the modes come (Daafouz, Riedinger
-    and Iung 2002).
+
+def lyapunov(modes: Sequence[Rational], length: int) -> Lyapunov | None:
+    """A quadratic function for each word of `length` modes, such that V falls in any order of them.
+
+    Length 0 is one P for all: A_i' P A_i < decay P. Length 1 is a P for each mode (Daafouz,
+    Riedinger and Iung 2002): A_i' P_j A_i < decay P_i for all i, j. Longer words know more of what
+    comes next (Lee and Dullerud 2006), and find a function for every stable set at some length.
     """
-    return _found(modes, single=False)
-
-
-def _found(modes: Sequence[Rational], *, single: bool) -> Lyapunov | None:
     numbers = [_floats(mode) for mode in modes]
     worst = max(float(np.max(np.abs(np.linalg.eigvals(a)))) for a in numbers)
     if worst >= 1.0:
         return None
+    words = words_of(len(modes), length)
+    edges = edges_of(words, len(modes))
     for share in _SHARES:
         decay = worst**2 + share * (1.0 - worst**2)
         basis = _basis(numbers, decay)
         inverse = np.linalg.inv(basis)
-        turned = [inverse @ a @ basis for a in numbers]
-        solved = _solve(turned, decay, single)
+        solved = _solve([inverse @ a @ basis for a in numbers], edges, decay)
         if solved is None:
             continue
-        found = confirmed(modes, [inverse.T @ p @ inverse for p in solved], decay)
+        candidates = [inverse.T @ p @ inverse for p in solved]
+        found = confirmed(modes, words, edges, candidates, decay)
         if found is not None:
             return found
     return None
@@ -86,22 +111,21 @@ def _basis(modes: Sequence[Real], decay: float) -> Real:
     return np.asarray(np.linalg.inv(factor.T), dtype=np.float64)
 
 
-def _solve(modes: Sequence[Real], decay: float, single: bool) -> list[Real] | None:
-    """The P (or P_i) farthest inside the inequalities, or None where there is none."""
+def _solve(modes: Sequence[Real], edges: Sequence[Edge], decay: float) -> list[Real] | None:
+    """The matrices farthest inside the inequalities, or None where there are none."""
     import cvxpy as cp
 
     n = len(modes[0])
-    count = 1 if single else len(modes)
-    unknown: list[Any] = [cp.Variable((n, n), symmetric=True) for _ in range(count)]
+    unknown: list[Any] = [
+        cp.Variable((n, n), symmetric=True) for _ in range(1 + max(edge.here for edge in edges))
+    ]
     slack: Any = cp.Variable()
     eye = np.eye(n)
-    constraints = [p >> eye for p in unknown] + [p << 1e6 * eye for p in unknown]
-    for i, a in enumerate(modes):
-        here = unknown[0 if single else i]
-        for there in unknown:
-            after = a.T @ there @ a
-            margin = decay * here - (after + after.T) / 2 - slack * eye
-            constraints.append((margin + margin.T) / 2 >> 0)
+    constraints = [p >> eye for p in unknown] + [p << _SPREAD * eye for p in unknown]
+    for edge in edges:
+        a = modes[edge.mode]
+        margin = decay * unknown[edge.here] - a.T @ unknown[edge.there] @ a - slack * eye
+        constraints.append((margin + margin.T) / 2 >> 0)
     problem = cp.Problem(cp.Maximize(slack), [*constraints, slack <= 1.0])
     try:
         problem.solve(solver=cp.CLARABEL)
@@ -113,12 +137,15 @@ def _solve(modes: Sequence[Real], decay: float, single: bool) -> list[Real] | No
 
 
 def confirmed(
-    modes: Sequence[Rational], candidates: Sequence[Real], decay: float
+    modes: Sequence[Rational],
+    words: Sequence[Word],
+    edges: Sequence[Edge],
+    candidates: Sequence[Real],
+    decay: float,
 ) -> Lyapunov | None:
     """The candidates as rationals for which every inequality holds exactly, if any.
 
-    One candidate is for all modes, several are one for each. None where no rounding of them and no
-    decay below 1 passes.
+    None where no rounding of them and no decay below 1 passes.
     """
     largest = max(float(np.max(np.abs(p))) for p in candidates)
     for bits in _BITS:
@@ -127,19 +154,12 @@ def confirmed(
             continue
         for near in (decay, 0.5 * (decay + 1.0), 0.99 + 0.01 * decay):
             factor = _above(near)
-            if factor < 1 and _all_fall(modes, matrices, factor):
-                return Lyapunov(matrices, factor)
+            if factor < 1 and all(
+                falls(modes[edge.mode], matrices[edge.here], matrices[edge.there], factor)
+                for edge in edges
+            ):
+                return Lyapunov(tuple(words), matrices, factor)
     return None
-
-
-def _all_fall(modes: Sequence[Rational], matrices: Sequence[Rational], factor: Fraction) -> bool:
-    if len(matrices) == 1:
-        return all(falls(mode, matrices[0], matrices[0], factor) for mode in modes)
-    return all(
-        falls(mode, here, there, factor)
-        for mode, here in zip(modes, matrices, strict=True)
-        for there in matrices
-    )
 
 
 def _above(value: float) -> Fraction:

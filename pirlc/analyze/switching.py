@@ -16,13 +16,21 @@ import numpy as np
 from pirlc.analyze.closed_loop import MOST_MODES, Mode, closed_loop, modes_of, shape_of, why_not
 from pirlc.analyze.exact import Rational
 from pirlc.analyze.findings import Leaf, Plant, SwitchingFinding
-from pirlc.analyze.lyapunov import Lyapunov, common, radius, switched
+from pirlc.analyze.lyapunov import Lyapunov, lyapunov, radius
 from pirlc.ir.evidence import Evidence, Kind, unknown
 
 _LONGEST_CYCLE = 6
 _MOST_CYCLES = 4000
-_BEYOND = 1e-9
-"""A spectral radius is beyond 1 only where it is by more than this."""
+_MOST_PIECES = 16
+_KINDS = (
+    "one quadratic function for all modes",
+    "a quadratic function for each mode",
+    "a quadratic function for each two modes in turn",
+    "a quadratic function for each three modes in turn",
+    "a quadratic function for each four modes in turn",
+)
+_BEYOND = 1e-7
+"""A spectral radius is on the border where it is no farther from 1 than this."""
 
 
 def switching_of(plant: Plant, leaves: Sequence[Leaf], latency: int) -> SwitchingFinding | None:
@@ -59,18 +67,21 @@ def decide(
     modes, called = list(distinct), list(distinct.values())
     tried: list[str] = []
 
-    def finding(
-        evidence: Evidence, found: Lyapunov | None = None, pieces: bool = False
-    ) -> SwitchingFinding:
+    def finding(evidence: Evidence, found: Lyapunov | None = None) -> SwitchingFinding:
+        pieces = {} if found is None else dict(zip(found.words, found.matrices, strict=True))
         return SwitchingFinding(
             modes=tuple(names),
             states=tuple(states),
-            lyapunov=None if found is None or pieces else found.matrices[0],
+            lyapunov=pieces.get(()),
             decay=None if found is None else found.decay,
             evidence=evidence,
             tried=tuple(tried),
             notes=tuple(notes),
-            pieces=found.matrices if found is not None and pieces else (),
+            pieces={
+                ", then ".join(called[i] for i in word): matrix
+                for word, matrix in pieces.items()
+                if word
+            },
         )
 
     radii = [radius(mode) for mode in modes]
@@ -83,6 +94,10 @@ def decide(
         return finding(
             Evidence(Kind.REFUTED, f"unstable by itself, for the linearisation: {listed}")
         )
+    border = [n for n, value in zip(called, radii, strict=True) if value > 1.0 - _BEYOND]
+    if border:
+        tried.append("no Lyapunov function: one falls along every mode, and these do not settle")
+        return finding(unknown(f"on the border of stability by itself: {', '.join(border)}"))
     cycle = _worst_cycle(modes, called)
     if cycle is not None:
         order, growth = cycle
@@ -92,30 +107,17 @@ def decide(
         )
     if len(modes) > 1:
         tried.append(f"cycles of up to {_LONGEST_CYCLE} steps: none diverges")
-    found = common(modes)
-    if found is not None:
-        tried.append("one quadratic function for all modes: found, confirmed in exact rationals")
-        return finding(
-            Evidence(Kind.LINEARISED, "stable in any order of the modes; saturation left out"),
-            found,
-        )
-    tried.append("one quadratic function for all modes (LMI): none found")
-    if len(modes) > 1:
-        several = switched(modes)
-        if several is not None:
-            tried.append("a quadratic function for each mode: found, confirmed in exact rationals")
-            return finding(
-                Evidence(Kind.LINEARISED, "stable in any order of the modes; saturation left out"),
-                _for_all(several, modes, matrices),
-                pieces=True,
-            )
-        tried.append("a quadratic function for each mode (LMI): none found")
+    for length, what in enumerate(_KINDS):
+        count = len(modes) ** length
+        if length and (len(modes) == 1 or count > _MOST_PIECES):
+            break
+        found = lyapunov(modes, length)
+        if found is not None:
+            tried.append(f"{what}: found, confirmed in exact rationals")
+            holds = "stable in any order of the modes; saturation left out"
+            return finding(Evidence(Kind.LINEARISED, holds), found)
+        tried.append(f"{what} (LMI): none found")
     return finding(unknown("no Lyapunov function was found, and no order of the modes diverges"))
-
-
-def _for_all(found: Lyapunov, modes: Sequence[Rational], matrices: Sequence[Rational]) -> Lyapunov:
-    """The functions in the order of all the modes, also those with equal matrices."""
-    return Lyapunov(tuple(found.matrices[modes.index(m)] for m in matrices), found.decay)
 
 
 def _worst_cycle(modes: Sequence[Rational], names: Sequence[str]) -> tuple[str, float] | None:
