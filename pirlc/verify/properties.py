@@ -18,11 +18,11 @@ from pirlc.ir.printer import term_text
 from pirlc.ir.terms import Apply, Term
 from pirlc.semantics.precision import BINARY32, BINARY64, Precision
 from pirlc.source import Span
-from pirlc.verify.asking import DEFAULT_LIMITS, Found, Limits, Never, Undecided, replayed
+from pirlc.verify.asking import DEFAULT_LIMITS, Answer, Found, Limits, Never, Undecided, replayed
 from pirlc.verify.deciding import answer_to, evidence_of, perturbation, prove_perturbed
 from pirlc.verify.findings import PropertyFinding
 from pirlc.verify.obligations import obligations
-from pirlc.verify.replay import Trial, as_replay
+from pirlc.verify.replay import as_replay
 from pirlc.verify.ruling import holds
 
 __all__ = ["Limits", "prove", "prove_one", "prove_perturbed"]
@@ -40,52 +40,53 @@ def prove_one(
     start = time.perf_counter()
     answer = answer_to(program, claim, limits)
     evidence = evidence_of(answer)
-    counterexample, span = None, claim.span
-    if isinstance(answer, Found):
-        counterexample = as_replay(answer.trial, answer.steps)
-        span = _broken_part(program, claim, answer)
-    trial = answer.trial if isinstance(answer, Found) else None
+    shown = answer if isinstance(answer, Found) else None
+    running = {}
+    for precision in (BINARY64, BINARY32):
+        running[precision], found = in_precision(program, claim, precision, answer, limits)
+        shown = shown or found
     return PropertyFinding(
         name=claim.name,
         text=term_text(claim.body),
         steps=claim.steps,
         evidence=evidence,
-        binary64=in_precision(program, claim, BINARY64, evidence, trial, limits),
-        binary32=in_precision(program, claim, BINARY32, evidence, trial, limits),
-        counterexample=counterexample,
+        binary64=running[BINARY64],
+        binary32=running[BINARY32],
+        counterexample=as_replay(shown.trial, shown.steps) if shown else None,
         obligations=obligations(program, claim, evidence, limits),
         seconds=time.perf_counter() - start,
-        span=span,
+        span=_broken_part(program, claim, shown) if shown else claim.span,
     )
 
 
 def in_precision(
-    program: Program,
-    claim: Property,
-    precision: Precision,
-    exactly: Evidence,
-    trial: Trial | None,
-    limits: Limits,
-) -> Evidence:
-    """The property of what runs in a precision; `trial` violates it in binary64."""
-    if trial is not None:
-        if replayed(program, claim, trial, precision) is not None:
-            return REFUTED
-        return unknown("refuted over the reals, by a history that is none in this precision")
-    if exactly.kind is not Kind.PROVED:
-        return unknown("not known over the reals")
+    program: Program, claim: Property, precision: Precision, exactly: Answer, limits: Limits
+) -> tuple[Evidence, Found | None]:
+    """The property of what runs in a precision, given the answer over exact reals."""
+    match exactly:
+        case Found(trial):
+            found = replayed(program, claim, trial, precision)
+            if found is not None:
+                return REFUTED, found
+            return unknown("the history that violates it over the reals does not do so here"), None
+        case Undecided():
+            return unknown("not known over the reals"), None
+        case Never():
+            pass
+        case _:
+            assert_never(exactly)
     off = perturbation(program, precision)
     answer = prove_perturbed(program, claim, off, limits)
     match answer:
         case Never():
-            return PROVED
+            return PROVED, None
         case Found():
-            return replace(REFUTED, reason="by rounding alone: it holds over the reals")
+            return Evidence(Kind.REFUTED, "by rounding alone: it holds over the reals"), answer
         case Undecided():
             unbounded = [a.name for a in program.interface.actions if a.name not in off.raw]
             if unbounded:
-                return unknown(f"no bound on the rounding of {', '.join(unbounded)}")
-            return unknown("rounding may take more than the property leaves")
+                return unknown(f"no bound on the rounding of {', '.join(unbounded)}"), None
+            return unknown("rounding may take more than the property leaves"), None
         case _:
             assert_never(answer)
 
