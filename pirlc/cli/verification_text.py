@@ -10,8 +10,8 @@ from pirlc.cli.session import colored
 from pirlc.diagnostics import render
 from pirlc.ir.evidence import Evidence, Kind
 from pirlc.ir.layout import number_text
-from pirlc.ir.policy import Choice, Program
-from pirlc.ir.terms import PreviousAction, subterms
+from pirlc.ir.policy import ActionSpec, Choice, Continuous, Program, Property
+from pirlc.ir.terms import ActionRef, PreviousAction, SensorRef, subterms
 from pirlc.semantics.precision import to_binary32
 from pirlc.source import SourceText
 from pirlc.verify.findings import PropertyFinding, Replay, Verification
@@ -40,6 +40,7 @@ def property_texts(
     if not findings:
         yield f"{program.interface.name} has no properties; `property NAME = ...` states one"
         return
+    claims = {claim.name: claim for claim in program.properties}
     width = max(len(finding.name) for finding in findings)
     for finding in findings:
         yield f"{finding.name:{width}}  {finding.evidence}"
@@ -53,14 +54,14 @@ def property_texts(
         yield render(next(diagnostics), color=colored(sys.stdout))
         if finding.counterexample is not None:
             yield ""
-            yield from replay_text(program, finding.counterexample)
+            yield from replay_text(program, finding.counterexample, claims[finding.name])
     for finding in findings:
         for obligation in finding.obligations:
             if obligation.counterexample is not None:
                 yield ""
                 yield f"{finding.name}, {obligation.name}:"
                 yield ""
-                yield from replay_text(program, obligation.counterexample)
+                yield from replay_text(program, obligation.counterexample, claims[finding.name])
 
 
 def _beside(finding: PropertyFinding) -> Iterator[tuple[str, Evidence]]:
@@ -74,27 +75,36 @@ def _beside(finding: PropertyFinding) -> Iterator[tuple[str, Evidence]]:
             yield obligation.name, obligation.evidence
 
 
-def replay_text(program: Program, replay: Replay) -> Iterator[str]:
-    """The readings, oldest first, beside what the interpreter answered to the newest."""
+def replay_text(
+    program: Program, replay: Replay, concerning: Property | None = None
+) -> Iterator[str]:
+    """The readings, oldest first, beside what the interpreter answered to the newest.
+
+    Only the sensors and actions that a property concerns, if one is given.
+    """
     interface, history = program.interface, replay.history
-    if _looks_back(program):
-        before = ", ".join(f"{name} {_short(x)}" for name, x in history.previous.items())
-        yield f"  before: {before}"
-    head = ["", *history.readings]
-    for spec in interface.actions:
-        head.extend([spec.name] if isinstance(spec.domain, Choice) else _pair(spec.name))
+    everything = {spec.name for spec in (*interface.sensors, *interface.actions)}
+    names = everything if concerning is None else _concerned(program, concerning)
+    actions = [spec for spec in interface.actions if spec.name in names]
+    sensors = {name: values for name, values in history.readings.items() if name in names}
+    looking_back = _looked_back_at(program, concerning)
+    before = [f"{name} {_short(x)}" for name, x in history.previous.items() if name in looking_back]
+    if before:
+        yield f"  before: {', '.join(before)}"
+    head = ["", *sensors]
+    for spec in actions:
+        head.extend(_columns(spec))
     length = max((len(readings) for readings in history.readings.values()), default=1)
     rows = [head]
     for place in range(length):
-        step = place - length + len(replay.steps)
-        row = [str(place - length)]
-        row += [_short(readings[place]) for readings in history.readings.values()]
-        for spec in interface.actions:
-            if step < 0:
-                row += [""] if isinstance(spec.domain, Choice) else ["", ""]
+        number = place - length + len(replay.steps)
+        row = [str(place - length), *(_short(readings[place]) for readings in sensors.values())]
+        for spec in actions:
+            if number < 0:
+                row.extend("" for _ in _columns(spec))
                 continue
-            taken = replay.steps[step]
-            if not isinstance(spec.domain, Choice):
+            taken = replay.steps[number]
+            if isinstance(spec.domain, Continuous):
                 row.append(_short(taken.raw[spec.name]))
             row.append(_short(taken.applied[spec.name]))
         rows.append(row)
@@ -104,13 +114,41 @@ def replay_text(program: Program, replay: Replay) -> Iterator[str]:
         yield ("  " + "  ".join(cells)).rstrip()
 
 
-def _pair(name: str) -> list[str]:
-    return [f"raw({name})", name]
+def _columns(spec: ActionSpec) -> list[str]:
+    match spec.domain:
+        case Continuous():
+            return [f"raw({spec.name})", spec.name]
+        case Choice():
+            return [spec.name]
 
 
-def _looks_back(program: Program) -> bool:
-    everything = (*program.bodies, *(claim.body for claim in program.properties))
-    return any(isinstance(s, PreviousAction) for body in everything for s in subterms(body))
+def _concerned(program: Program, claim: Property) -> set[str]:
+    """The sensors and actions that a property, or what it depends on, mentions."""
+    bodies = {
+        spec.name: body
+        for spec, body in zip(program.interface.actions, program.bodies, strict=True)
+    }
+    found: set[str] = set()
+    waiting = [claim.body]
+    while waiting:
+        for term in subterms(waiting.pop()):
+            match term:
+                case SensorRef(name):
+                    found.add(name)
+                case ActionRef(name) | PreviousAction(name):
+                    if name not in found:
+                        found.add(name)
+                        waiting.append(bodies[name])
+                case _:
+                    pass
+    return found
+
+
+def _looked_back_at(program: Program, claim: Property | None) -> set[str]:
+    """The actions whose value before the first step matters."""
+    everything = (*program.bodies, *((claim.body,) if claim else ()))
+    mentioned = (term for body in everything for term in subterms(body))
+    return {term.action for term in mentioned if isinstance(term, PreviousAction)}
 
 
 def _short(x: float) -> str:
