@@ -80,9 +80,11 @@ def angles(realisation: Realisation, count: int = 1200) -> Real:
     spread = np.concatenate(
         [-np.geomspace(1e-3, 30.0, 15)[::-1], [0.0], np.geomspace(1e-3, 30, 15)]
     )
-    for pole in (*realisation.poles, *realisation.closed()):
-        if pole.imag >= 0 and abs(pole) > 0.3:
-            parts.append(np.angle(pole) + spread * max(abs(1.0 - abs(pole)), 1e-6))
+    parts += [
+        np.angle(pole) + spread * max(abs(1.0 - abs(pole)), 1e-6)
+        for pole in (*realisation.poles, *realisation.closed())
+        if pole.imag >= 0 and abs(pole) > 0.3
+    ]
     whole = np.unique(np.concatenate(parts))
     return np.asarray(whole[(whole > 0.0) & (whole <= np.pi)], dtype=np.float64)
 
@@ -165,9 +167,11 @@ def _refined(
             found.append(root)
     grid = angles(realisation)
     heights = values(realisation.at(np.exp(1j * grid)))
-    for i in np.flatnonzero(heights[:-1] * heights[1:] < 0):
-        if abs(heights[i]) + abs(heights[i + 1]) < 1.0:
-            found.append(float(brentq(lambda t: function(t)[0], grid[i], grid[i + 1], xtol=1e-15)))
+    found += [
+        float(brentq(lambda t: function(t)[0], grid[i], grid[i + 1], xtol=1e-15))
+        for i in np.flatnonzero(heights[:-1] * heights[1:] < 0)
+        if abs(heights[i]) + abs(heights[i + 1]) < 1.0
+    ]
     if abs(values(realisation.at(np.array([-1.0 + 0j])))[0]) < 1e-12:
         found.append(np.pi)
     distinct: list[float] = []
