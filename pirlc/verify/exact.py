@@ -44,14 +44,23 @@ def exact_step(
     program: Program,
     windows: Mapping[str, Sequence[float | Fraction]],
     previous: Mapping[str, float | Fraction],
+    forced: Mapping[tuple[str, int], bool] = {},
 ) -> ExactStep:
-    """One step on full windows (oldest reading first). Raises `NotRational`."""
+    """One step on full windows (oldest reading first). Raises `NotRational`.
+
+    `forced` gives comparisons (action, occurrence) an answer of their own.
+    """
     raw: dict[str, Exact] = {}
     applied: dict[str, Exact] = {}
     decisions: dict[str, tuple[Decision, ...]] = {}
     for action, body in zip(program.interface.actions, program.bodies, strict=True):
         made: list[Decision] = []
-        value = walk(body, _algebra(program, windows, previous, made))
+        own = {
+            occurrence: answer
+            for (name, occurrence), answer in forced.items()
+            if name == action.name
+        }
+        value = walk(body, _algebra(program, windows, previous, made, own))
         raw[action.name] = value
         match action.domain:
             case Continuous(lower, upper):
@@ -66,10 +75,10 @@ def exact_steps(
     program: Program,
     readings: Mapping[str, Sequence[float | Fraction]],
     previous: Mapping[str, float | Fraction],
+    count: int,
 ) -> tuple[ExactStep, ...]:
-    """As many steps as the readings (oldest first) fill windows."""
+    """`count` steps on as many good readings (oldest first) as they need."""
     window = program.interface.window
-    count = min(len(taken) for taken in readings.values()) - window + 1
     steps: list[ExactStep] = []
     for i in range(count):
         windows = {name: taken[i : i + window] for name, taken in readings.items()}
@@ -83,12 +92,13 @@ def _algebra(
     windows: Mapping[str, Sequence[float | Fraction]],
     previous: Mapping[str, float | Fraction],
     made: list[Decision],
+    forced: Mapping[int, bool],
 ) -> Algebra[Exact]:
     values = program.values
 
     def compare(test: Callable[[Exact, Exact], bool]) -> Callable[[Exact, Exact], bool]:
         def compared(a: Exact, b: Exact) -> bool:
-            answer = test(a, b)
+            answer = forced.get(len(made), test(a, b))
             made.append(Decision(answer, abs(Fraction(a) - Fraction(b))))
             return answer
 

@@ -153,7 +153,8 @@ def _between(lower: float, upper: float) -> arb:
 def _free_previous(action: ActionSpec, precision: Precision) -> Value:
     match action.domain:
         case Continuous(lower, upper):
-            return Ball(_between(lower, upper), _bound_error(lower, upper, precision), lower >= 0)
+            error = _bound_error(lower, upper, precision)
+            return Ball(_bounds(lower, upper, precision), error, lower >= 0)
         case Choice():
             return _DECIDED
 
@@ -161,6 +162,12 @@ def _free_previous(action: ActionSpec, precision: Precision) -> Value:
 def _bound_error(lower: float, upper: float, precision: Precision) -> arb:
     """How far an action's bounds move when they are rounded to the working precision."""
     return _constant_error(lower, precision).max(_constant_error(upper, precision))
+
+
+def _bounds(lower: float, upper: float, precision: Precision) -> arb:
+    """What the action may be, in real arithmetic and in the working precision."""
+    rounded = _between(precision.round(lower), precision.round(upper))
+    return _between(lower, upper).union(rounded)
 
 
 def _constant_error(x: float, precision: Precision) -> arb:
@@ -175,7 +182,7 @@ def _applied(action: ActionSpec, result: Value, precision: Precision) -> Value:
             error = (arb(upper) - arb(lower) + bounds).upper()
             if isinstance(result, Ball):
                 error = error.min(result.error.max(bounds)).upper()
-            return Ball(_between(lower, upper), error, lower >= 0)
+            return Ball(_bounds(lower, upper, precision), error, lower >= 0)
         case Choice():
             return _DECIDED
 

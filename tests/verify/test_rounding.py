@@ -125,7 +125,7 @@ def check_sound(program: Program, precision: Precision, rng: random.Random, coun
     compared = 0
     for readings, previous in histories(program, precision, steps, rng, count):
         try:
-            reals = exact_steps(program, readings, previous)
+            reals = exact_steps(program, readings, previous, steps)
         except NotRational:
             continue
         floats = computed(program, readings, previous, precision, steps)
@@ -282,7 +282,7 @@ def worst_seen(program: Program, action: str, precision: Precision, seed: int) -
     def error(readings: dict[str, list[float]]) -> float:
         previous = {a.name: a.safe for a in interface.actions}
         ((raw, _),) = computed(program, readings, previous, precision, 1)
-        (real,) = exact_steps(program, readings, previous)
+        (real,) = exact_steps(program, readings, previous, 1)
         return float(abs(Fraction(raw[action]) - real.raw[action]))
 
     worst, best = 0.0, None

@@ -1,0 +1,245 @@
+"""The tightest bounds of each action, raw and applied, and of its change in one step.
+
+Over all histories of good readings in the sensors' (widened) ranges, `previous` before the first
+step being free in its action's range, in exact real arithmetic. Piecewise linear actions have
+exact suprema (`extremes`); others are enclosed (`enclosure`), and their bounds are proved where the
+enclosure is closer than 1e-9. Every bound comes with a history that attains it or comes as near.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import z3
+
+from pirlc.ir.evidence import PROVED, Evidence, Kind, unknown
+from pirlc.ir.policy import ActionSpec, Choice, Continuous, Program
+from pirlc.semantics.precision import BINARY32, BINARY64
+from pirlc.symbolic import z3_terms as exact
+from pirlc.symbolic.z3_terms import Real, Truth
+from pirlc.verify.asking import Limits
+from pirlc.verify.enclosure import Enclosure, Interval, IntervalStep, enclose, needed
+from pirlc.verify.exact import NotRational, exact_steps
+from pirlc.verify.extremes import CLOSE, Supremum, limited, supremum, why
+from pirlc.verify.findings import ActionBounds, ChoiceBounds, Extreme, Replay
+from pirlc.verify.model import Model, unroll
+from pirlc.verify.replay import Trial, as_replay, run
+from pirlc.verify.rounding import rounding
+
+BOXES = 4_000
+"""The boxes that branch and bound looks at for one bound."""
+
+
+def bounds(program: Program, limits: Limits = Limits()) -> tuple[ActionBounds | ChoiceBounds, ...]:
+    """What each action can be, and how fast it can change."""
+    found: list[ActionBounds | ChoiceBounds] = []
+    for spec in program.interface.actions:
+        match spec.domain:
+            case Continuous():
+                found.append(_continuous(program, spec, limits))
+            case Choice(values):
+                found.append(_choice(program, spec, values, limits))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What is maximised: an action or its change, with a sign."""
+
+    action: str
+    applied: bool
+    change: bool
+    sign: int
+
+    @property
+    def steps(self) -> int:
+        return 2 if self.change else 1
+
+    def term(self, model: Model) -> tuple[Real, Truth]:
+        """As a z3 term, and where it is defined."""
+        forms = [step.applied if self.applied else step.raw for step in model.steps]
+        last, first = forms[-1][self.action].value, forms[0][self.action].value
+        value = exact.subtract(last, first) if self.change else last
+        defined = exact.conjunction(step.raw[self.action].defined for step in model.steps)
+        return (value if self.sign > 0 else exact.negate(value)), defined
+
+    def exactly(self, program: Program, trial: Trial) -> Fraction:
+        """On a history. Raises `NotRational`."""
+        steps = exact_steps(program, trial.readings, trial.previous, self.steps)
+        values = [(s.applied if self.applied else s.raw)[self.action] for s in steps]
+        return self.sign * Fraction(values[-1] - values[0] if self.change else values[-1])
+
+    def over(self, steps: Sequence[IntervalStep]) -> Interval:
+        """Over a box of histories."""
+        values = [(s.applied if self.applied else s.raw)[self.action] for s in steps]
+        return self.sign * (values[-1] - values[0] if self.change else values[-1])
+
+
+def restricted(program: Program, action: str) -> Program:
+    """The program with nothing but an action and those whose earlier values it uses."""
+    names = needed(program, [action])
+    kept = [
+        (spec, body)
+        for spec, body in zip(program.interface.actions, program.bodies, strict=True)
+        if spec.name in names
+    ]
+    interface = replace(program.interface, actions=tuple(spec for spec, _ in kept))
+    return replace(
+        program, interface=interface, bodies=tuple(body for _, body in kept), properties=()
+    )
+
+
+def _continuous(program: Program, spec: ActionSpec, limits: Limits) -> ActionBounds:
+    part = restricted(program, spec.name)
+    asked = _Asked(program, part, spec, limits, {n: unroll(part, n) for n in (1, 2)})
+    off = {p: rounding(program, p).steps[0].raw[spec.name] for p in (BINARY64, BINARY32)}
+    return ActionBounds(
+        action=spec.name,
+        raw_lower=asked.extreme(applied=False, sign=-1),
+        raw_upper=asked.extreme(applied=False, sign=1),
+        raw_change=asked.change(applied=False),
+        applied_lower=asked.extreme(applied=True, sign=-1),
+        applied_upper=asked.extreme(applied=True, sign=1),
+        applied_change=asked.change(applied=True),
+        rounding64=off[BINARY64],
+        rounding32=off[BINARY32],
+    )
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """One action of a program, in the part of it that counts, unrolled over one and two steps."""
+
+    program: Program
+    part: Program
+    spec: ActionSpec
+    limits: Limits
+    models: dict[int, Model]
+
+    def extreme(self, *, applied: bool, sign: int) -> Extreme:
+        found = self._supremum(Quantity(self.spec.name, applied, False, sign))
+        return self._extreme(found, sign)
+
+    def change(self, *, applied: bool) -> Extreme:
+        """Upward or downward, whichever is larger."""
+        up, down = (
+            self._supremum(Quantity(self.spec.name, applied, True, sign)) for sign in (1, -1)
+        )
+        for one in (up, down):
+            if one.evidence.kind is not Kind.PROVED or one.value is None:
+                return self._extreme(one, 1)
+        assert up.value is not None
+        assert down.value is not None
+        return self._extreme(max(up, down, key=lambda s: (s.value, s.attained)), 1)
+
+    def _extreme(self, found: Supremum, sign: int) -> Extreme:
+        value = None if found.value is None else sign * found.value
+        witness = None if found.trial is None else replay_of(self.program, found.trial)
+        return Extreme(value, found.attained, found.evidence, witness)
+
+    def _supremum(self, wanted: Quantity) -> Supremum:
+        model = self.models[wanted.steps]
+        term, defined = wanted.term(model)
+        if defined is not True:
+            undefined = limited(model, self.limits)
+            undefined.add(exact.negation(defined))
+            if undefined.check() != z3.unsat:
+                return self._partly(wanted)
+        if model.functions.nonlinear or model.functions.axioms:
+            return self._enclosed(wanted)
+        return supremum(
+            model, term, (), lambda trial: wanted.exactly(self.part, trial), self.limits
+        )
+
+    def _partly(self, wanted: Quantity) -> Supremum:
+        """Where a division by zero or the root of a negative number is not excluded."""
+        found = self._enclosed(wanted)
+        reason = "a division by zero or the root of a negative number is not excluded"
+        domain = self.spec.domain
+        assert isinstance(domain, Continuous)
+        if wanted.applied and found.value is not None and not wanted.change:
+            bound = Fraction(domain.upper if wanted.sign > 0 else domain.lower) * wanted.sign
+            if bound - found.value <= CLOSE:
+                return replace(found, value=bound)
+        if found.evidence.reason:
+            reason += f"; elsewhere {found.evidence.reason}"
+        return Supremum(None, False, unknown(reason), found.trial)
+
+    def _enclosed(self, wanted: Quantity) -> Supremum:
+        found = enclose(self.part, [self.spec.name], wanted.steps, wanted.over, BOXES)
+        trial = _trial(self.part, found, wanted.steps)
+        if found.lower is None or found.upper is None:
+            return Supremum(None, False, unknown(_words(found, wanted.sign)), trial)
+        exactly = found.lower if found.lower == found.upper else self._attained(wanted, trial)
+        if exactly is not None:
+            return Supremum(exactly, True, PROVED, trial)
+        if found.upper - found.lower <= CLOSE:
+            evidence = Evidence(Kind.PROVED, "to within 1e-9")
+            return Supremum(found.upper, False, evidence, trial)
+        return Supremum(None, False, unknown(_words(found, wanted.sign)), trial)
+
+    def _attained(self, wanted: Quantity, trial: Trial) -> Fraction | None:
+        """The rational value on a history that no other exceeds."""
+        try:
+            value = wanted.exactly(self.part, trial)
+        except NotRational:
+            return None
+        model = self.models[wanted.steps]
+        term, _ = wanted.term(model)
+        if isinstance(term, Fraction):
+            return term
+        solver = limited(model, self.limits)
+        solver.add(term > exact.number(value, model.context))
+        return value if solver.check() == z3.unsat else None
+
+
+def replay_of(program: Program, trial: Trial) -> Replay:
+    """The interpreter's steps; actions that play no part start from their safe values."""
+    previous = {a.name: trial.previous.get(a.name, a.safe) for a in program.interface.actions}
+    whole = replace(trial, previous=previous)
+    return as_replay(whole, run(program, whole))
+
+
+def _trial(part: Program, found: Enclosure, steps: int) -> Trial:
+    interface = part.interface
+    readings = {
+        sensor.name: tuple(found.point[sensor.name, i] for i in range(interface.window + steps - 1))
+        for sensor in interface.sensors
+    }
+    return Trial(
+        readings, {a.name: found.point.get((a.name, -1), a.safe) for a in interface.actions}
+    )
+
+
+def _words(found: Enclosure, sign: int) -> str:
+    """The best enclosure, in words."""
+    low, high = (None if x is None else float(sign * x) for x in (found.lower, found.upper))
+    if sign < 0:
+        low, high = high, low
+    ends = ("no bound" if x is None else f"{x:.9g}" for x in (low, high))
+    return f"between {next(ends)} and {next(ends)} after {found.boxes:,} boxes"
+
+
+def _choice(
+    program: Program, spec: ActionSpec, values: tuple[int, ...], limits: Limits
+) -> ChoiceBounds:
+    model = unroll(restricted(program, spec.name), 1)
+    result = model.steps[0].raw[spec.name].value
+    reached, never, open_ = [], [], []
+    reason = ""
+    for value in values:
+        solver = limited(model, limits)
+        solver.add(exact.as_term(exact.equal(result, Fraction(value)), model.context))
+        match solver.check():
+            case z3.sat:
+                reached.append(value)
+            case z3.unsat:
+                never.append(value)
+            case _:
+                open_.append(value)
+                reason = why(solver)
+    listed = ", ".join(map(str, open_))
+    evidence = unknown(f"{reason}: {listed}") if open_ else PROVED
+    return ChoiceBounds(spec.name, tuple(reached), tuple(never), evidence)

@@ -1,0 +1,401 @@
+"""Suprema of what is not piecewise linear, enclosed by branch and bound.
+
+A program is evaluated over boxes of histories in interval arithmetic (mpmath's, rounded outward):
+what comes out encloses every value in the box. The box that promises most is halved until no box
+promises more than 1e-9 above a value that was seen. Where that takes too many boxes, the enclosure
+found by then is still one.
+"""
+
+from __future__ import annotations
+
+import heapq
+import random
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from mpmath import iv, mp
+
+from pirlc.ir.operators import Operator
+from pirlc.ir.policy import Choice, Continuous, Program
+from pirlc.ir.terms import PreviousAction, subterms
+from pirlc.ir.types import Type
+from pirlc.semantics.precision import widened
+from pirlc.symbolic.walk import Algebra, walk
+
+CLOSE = Fraction(1, 10**9)
+"""How near a bound must be to a value that some history gives."""
+
+_DIGITS = 120
+_STARTS = 10
+
+Place = tuple[str, int]
+"""A reading (sensor, number from the oldest) or an action's first `previous` (action, -1)."""
+
+Box = dict[Place, tuple[float, float]]
+
+Interval = Any
+"""An `ivmpf`: mpmath has no type stubs."""
+
+Possible = Any
+"""All values that a box may give: an `Interval`, or a frozenset of truths or discrete actions."""
+
+_TRUE, _FALSE = frozenset((True,)), frozenset((False,))
+_EITHER = _TRUE | _FALSE
+
+
+@dataclass(frozen=True)
+class IntervalStep:
+    """By action, all that one step may give over a box where it is defined."""
+
+    raw: Mapping[str, Possible]
+    applied: Mapping[str, Possible]
+
+
+Objective = Callable[[Sequence[IntervalStep]], Interval]
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """The supremum is in [lower, upper] (None: no bound); `point` is a history that gives `lower`
+    at least."""
+
+    lower: Fraction | None
+    upper: Fraction | None
+    point: Mapping[Place, float]
+    boxes: int
+
+
+def enclose(
+    program: Program, actions: Sequence[str], steps: int, objective: Objective, boxes: int
+) -> Enclosure:
+    """The supremum of an objective of some actions over all histories of good readings, wherever
+    it is defined."""
+    saved = iv.prec
+    iv.prec = _DIGITS
+    try:
+        return _Search(program, actions, steps, objective).run(boxes)
+    finally:
+        iv.prec = saved
+
+
+class _Search:
+    def __init__(
+        self, program: Program, actions: Sequence[str], steps: int, objective: Objective
+    ) -> None:
+        self.program = program
+        self.steps = steps
+        self.objective = objective
+        self.needed = needed(program, actions) if steps > 1 else set(actions)
+        whole = _whole(program, steps)
+        self.read: set[Place] = set()
+        self.value(whole)
+        self.order = sorted(self.read)
+        # What is not read stays where it is: at the lower end.
+        self.start: Box = {
+            place: (low, high) if place in self.read else (low, low)
+            for place, (low, high) in whole.items()
+        }
+
+    def value(self, box: Box) -> Interval:
+        return self.objective(self._evaluate(box))
+
+    def at(self, point: Mapping[Place, float]) -> Fraction | None:
+        """What a history gives at least; None where it may be undefined or infinite."""
+        return _end(self.value({place: (x, x) for place, x in point.items()}), 0)
+
+    def top(self, box: Box) -> Fraction | None:
+        """What no history in a box exceeds."""
+        return _end(self.value(box), 1)
+
+    def _evaluate(self, box: Box) -> list[IntervalStep]:
+        interface = self.program.interface
+        previous: dict[str, Possible] = {}
+        for action in interface.actions:
+            match action.domain:
+                case Continuous():
+                    previous[action.name] = iv.mpf(box[action.name, -1])
+                case Choice(values):
+                    previous[action.name] = frozenset(values)
+        done = []
+        for step in range(self.steps):
+            raw: dict[str, Possible] = {}
+            applied: dict[str, Possible] = {}
+            before = self._before(previous, free=step == 0)
+            algebra = _algebra(self.program, self._reader(box, step), before)
+            for action, body in zip(interface.actions, self.program.bodies, strict=True):
+                if action.name not in self.needed:
+                    continue
+                raw[action.name] = result = walk(body, algebra)
+                match action.domain:
+                    case Continuous(lower, upper):
+                        applied[action.name] = _clip(result, iv.mpf(lower), iv.mpf(upper))
+                    case Choice():
+                        applied[action.name] = result
+            done.append(IntervalStep(raw, applied))
+            previous = {**previous, **applied}
+        return done
+
+    def _reader(self, box: Box, step: int) -> Callable[[str, int], Possible]:
+        def element(sensor: str, index: int) -> Possible:
+            place = (sensor, step + self.program.interface.window + index)
+            self.read.add(place)
+            return iv.mpf(box[place])
+
+        return element
+
+    def _before(
+        self, previous: Mapping[str, Possible], *, free: bool
+    ) -> Callable[[str, Type], Possible]:
+        def before(action: str, _type: Type) -> Possible:
+            value = previous[action]
+            if free and not isinstance(value, frozenset):
+                self.read.add((action, -1))
+            return value
+
+        return before
+
+    def run(self, boxes: int) -> Enclosure:
+        whole = self.top(self.start)
+        best, point = self._seen(whole)
+        used = 0
+        settled: list[Fraction | None] = []
+        heap = [_Promise.of(whole, 0, self.start)]
+        while heap and used < boxes:
+            promise = heap[0]
+            if None not in (best, promise.top) and promise.top - best <= CLOSE / 2:
+                break
+            heapq.heappop(heap)
+            place = self._to_halve(promise.box)
+            if place is None:
+                # No float lies inside: the enclosure is as good as it gets.
+                settled.append(promise.top)
+                continue
+            low, high = promise.box[place]
+            middle = low / 2 + high / 2
+            for part in ((low, middle), (middle, high)):
+                used += 1
+                half = {**promise.box, place: part}
+                centre = {p: a / 2 + b / 2 for p, (a, b) in half.items()}
+                seen = self.at(centre)
+                if seen is not None and (best is None or seen > best):
+                    best, point = seen, centre
+                heapq.heappush(heap, _Promise.of(self.top(half), used, half))
+        tops = settled + ([heap[0].top] if heap else [])
+        upper = None if None in tops else max(top for top in tops if top is not None)
+        return Enclosure(best, upper, point, used)
+
+    def _seen(self, most: Fraction | None) -> tuple[Fraction | None, Mapping[Place, float]]:
+        """The best of some corners and middles, improved a reading at a time, unless `most`, which
+        nothing exceeds, is reached before."""
+        rng = random.Random(1)
+        point: Mapping[Place, float] = {p: a for p, (a, _) in self.start.items()}
+        best = self.at(point)
+        for start in range(_STARTS if self.order else 0):
+            if most is not None and best == most:
+                break
+            here = {p: rng.choice((a, a / 2 + b / 2, b)) for p, (a, b) in self.start.items()}
+            if start % 2:
+                here = dict(point)
+            reached = self.at(here)
+            for place in self.order:
+                low, high = self.start[place]
+                for x in (low, high, low / 2 + high / 2, rng.uniform(low, high)):
+                    trial = {**here, place: x}
+                    seen = self.at(trial)
+                    if seen is not None and (reached is None or seen > reached):
+                        reached, here = seen, trial
+            if reached is not None and (best is None or reached > best):
+                best, point = reached, here
+        return best, point
+
+    def _to_halve(self, box: Box) -> Place | None:
+        """The reading that the width of the result depends on most."""
+
+        def left(place: Place) -> tuple[bool, Fraction, float]:
+            low, high = box[place]
+            middle = low / 2 + high / 2
+            value = self.value({**box, place: (middle, middle)})
+            ends = _end(value, 0), _end(value, 1)
+            if ends[0] is None or ends[1] is None:
+                return True, Fraction(0), low - high
+            return False, ends[1] - ends[0], low - high
+
+        return min(
+            (p for p in self.order if box[p][0] < box[p][0] / 2 + box[p][1] / 2 < box[p][1]),
+            key=left,
+            default=None,
+        )
+
+
+@dataclass(frozen=True, order=True)
+class _Promise:
+    """A box and its `top`, ordered: the largest first, no top before all others."""
+
+    rank: tuple[int, Fraction, int]
+    top: Any
+    box: Any
+
+    @staticmethod
+    def of(top: Fraction | None, number: int, box: Box) -> _Promise:
+        rank = (0, Fraction(0), number) if top is None else (1, -top, number)
+        return _Promise(rank, top, box)
+
+
+def needed(program: Program, actions: Sequence[str]) -> set[str]:
+    """The actions whose earlier values the given ones depend on, and these."""
+    bodies = dict(zip((a.name for a in program.interface.actions), program.bodies, strict=True))
+    found: set[str] = set()
+    waiting = list(actions)
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            waiting += [t.action for t in subterms(bodies[name]) if isinstance(t, PreviousAction)]
+    return found
+
+
+def _whole(program: Program, steps: int) -> Box:
+    interface = program.interface
+    box: Box = {}
+    for sensor in interface.sensors:
+        for i in range(interface.window + steps - 1):
+            box[sensor.name, i] = widened(sensor.lower, sensor.upper)
+    for action in interface.actions:
+        if isinstance(action.domain, Continuous):
+            box[action.name, -1] = (action.domain.lower, action.domain.upper)
+    return box
+
+
+def _low(x: Interval) -> Any:
+    return mp.make_mpf(x._mpi_[0])
+
+
+def _high(x: Interval) -> Any:
+    return mp.make_mpf(x._mpi_[1])
+
+
+def _end(x: Interval, which: int) -> Fraction | None:
+    """The lower (0) or upper (1) end, where it is finite."""
+    end = mp.make_mpf(x._mpi_[which])
+    if not mp.isfinite(end):
+        return None
+    sign, mantissa, exponent, _ = end._mpf_
+    return Fraction(-int(mantissa) if sign else int(mantissa)) * Fraction(2) ** int(exponent)
+
+
+def _of(low: Any, high: Any) -> Interval:
+    return iv.make_mpf((low._mpf_, high._mpf_))
+
+
+def _anything() -> Interval:
+    return iv.mpf(["-inf", "inf"])
+
+
+def _union(a: Interval, b: Interval) -> Interval:
+    return _of(min(_low(a), _low(b)), max(_high(a), _high(b)))
+
+
+def _least(a: Interval, b: Interval) -> Interval:
+    return _of(min(_low(a), _low(b)), min(_high(a), _high(b)))
+
+
+def _greatest(a: Interval, b: Interval) -> Interval:
+    return _of(max(_low(a), _low(b)), max(_high(a), _high(b)))
+
+
+def _clip(x: Interval, low: Interval, high: Interval) -> Interval:
+    if _high(low) <= _low(high):
+        return _greatest(low, _least(x, high))
+    return _union(x, _union(low, high))
+
+
+def _root(x: Interval) -> Interval:
+    """Of what has a root in the interval."""
+    if _high(x) < 0:
+        return _anything()
+    return iv.sqrt(_of(max(_low(x), mp.zero), _high(x)))
+
+
+def _tanh(x: Interval) -> Interval:
+    """Rising, so that its ends are those of the interval."""
+
+    def end(point: Any) -> Interval:
+        return 1 - 2 / (iv.exp(2 * _of(point, point)) + 1)
+
+    return _of(_low(end(_low(x))), _high(end(_high(x))))
+
+
+def _sign(x: Interval) -> Interval:
+    low, high = (mp.mpf((v > 0) - (v < 0)) for v in (_low(x), _high(x)))
+    return _of(low, high)
+
+
+def _less(a: Interval, b: Interval) -> frozenset[bool]:
+    return _TRUE if _high(a) < _low(b) else _FALSE if _low(a) >= _high(b) else _EITHER
+
+
+def _not(a: frozenset[bool]) -> frozenset[bool]:
+    return frozenset(not x for x in a)
+
+
+def _equal(a: Possible, b: Possible) -> frozenset[bool]:
+    if isinstance(a, frozenset):
+        return frozenset(x == y for x in a for y in b)
+    if _high(a) < _low(b) or _high(b) < _low(a):
+        return _FALSE
+    return _TRUE if _low(a) == _high(a) == _low(b) == _high(b) else _EITHER
+
+
+def _combined(operation: Callable[[bool, bool], bool]) -> Callable[..., frozenset[bool]]:
+    return lambda a, b: frozenset(operation(x, y) for x in a for y in b)
+
+
+def _choose(condition: Possible, a: Possible, b: Possible) -> Possible:
+    if condition == _EITHER:
+        return a | b if isinstance(a, frozenset) else _union(a, b)
+    return a if condition == _TRUE else b
+
+
+def _algebra(
+    program: Program,
+    element: Callable[[str, int], Possible],
+    previous: Callable[[str, Type], Possible],
+) -> Algebra[Possible]:
+    return Algebra(
+        literal=iv.mpf,
+        discrete=lambda value, _type: frozenset((value,)),
+        parameter=lambda name: iv.mpf(program.values[name]),
+        element=element,
+        previous=previous,
+        operators=_OPERATORS,
+        choose=_choose,
+    )
+
+
+_OPERATORS: dict[Operator, Callable[..., Possible]] = {
+    Operator.ADD: lambda a, b: a + b,
+    Operator.SUBTRACT: lambda a, b: a - b,
+    Operator.MULTIPLY: lambda a, b: a * b,
+    Operator.DIVIDE: lambda a, b: a / b,
+    Operator.NEGATE: lambda a: -a,
+    Operator.ABS: abs,
+    Operator.MIN: _least,
+    Operator.MAX: _greatest,
+    Operator.CLIP: _clip,
+    Operator.SQRT: _root,
+    Operator.EXP: iv.exp,
+    Operator.TANH: _tanh,
+    Operator.SIGN: _sign,
+    Operator.LESS: _less,
+    Operator.LESS_EQUAL: lambda a, b: _not(_less(b, a)),
+    Operator.GREATER: lambda a, b: _less(b, a),
+    Operator.GREATER_EQUAL: lambda a, b: _not(_less(a, b)),
+    Operator.EQUAL: _equal,
+    Operator.NOT_EQUAL: lambda a, b: _not(_equal(a, b)),
+    Operator.NOT: _not,
+    Operator.AND: _combined(lambda a, b: a and b),
+    Operator.OR: _combined(lambda a, b: a or b),
+    Operator.IMPLIES: _combined(lambda a, b: not a or b),
+}
