@@ -83,7 +83,7 @@ def replay_text(
     Only the sensors and actions that a property concerns, if one is given.
     """
     interface, history = program.interface, replay.history
-    everything = {spec.name for spec in (*interface.sensors, *interface.actions)}
+    everything = {s.name for s in interface.sensors} | {a.name for a in interface.actions}
     names = everything if concerning is None else _concerned(program, concerning)
     actions = [spec for spec in interface.actions if spec.name in names]
     sensors = {name: values for name, values in history.readings.items() if name in names}
