@@ -165,8 +165,8 @@ def _returns(manifest: Mapping[str, Any]) -> dict[str, Any] | None:
     }
 
 
-def _finite(value: float) -> float | None:
-    return value if abs(value) != float("inf") else None
+def _finite(value: float | str) -> float | None:
+    return None if isinstance(value, str) else value
 
 
 def _verification(found: Mapping[str, Any]) -> dict[str, Any]:

@@ -36,7 +36,8 @@ def page_plots(data: Data) -> dict[str, str]:
     with the JSON pointer to the replay."""
     found: dict[str, str] = {}
     if data["search"] is not None:
-        found["search"] = _search(data["search"], data["program"], data["returns"])
+        if data["search"]["points"]:
+            found["search"] = _search(data["search"], data["program"], data["returns"])
         if data["search"]["iterations"]:
             found["iterations"] = _iterations(data["search"]["iterations"])
     if data["returns"] is not None:
@@ -55,12 +56,12 @@ def counterexamples(found: Data) -> Iterator[tuple[str, str, Data]]:
         place = f"/verification/found/properties/{i}"
         if property_["counterexample"] is not None:
             title = f"Counterexample to {property_['name']}"
-            yield f"{place}/counterexample", property_["counterexample"]
+            yield f"{place}/counterexample", title, property_["counterexample"]
         for j, obligation in enumerate(property_["obligations"]):
             if obligation["counterexample"] is not None:
                 title = f"Counterexample to {property_['name']}, {obligation['name']}"
                 replay = obligation["counterexample"]
-                yield f"{place}/obligations/{j}/counterexample", replay
+                yield f"{place}/obligations/{j}/counterexample", title, replay
 
 
 # Search
@@ -88,9 +89,8 @@ def _search(search: Data, program: Data | None, returns: Data | None) -> str:
             mean = known["oracle"]["mean"]
             axes.axhline(mean, color=_GREY, linestyle="--", linewidth=1, label="the oracle")
         if search["below"]:
-            axes.set_ylim(bottom=search["lowest_shown"])
-            text = f"{search['below']} of {search['simulated']} programs are below the plot"
-            axes.set_title(text, fontsize=8, loc="right")
+            bottom, top = search["lowest_shown"], max(p["mean_return"] for p in search["points"])
+            axes.set_ylim(bottom, top + 0.08 * (top - bottom))
         axes.set_xlabel("size (nodes)")
         axes.set_ylabel("mean return")
         _legend(axes)

@@ -114,9 +114,13 @@ def _lines(folder: Path, name: str) -> tuple[Mapping[str, Any], ...] | None:
     return tuple(entries)
 
 
+_NO_NUMBERS = {"Infinity": "inf", "-Infinity": "-inf", "NaN": "nan"}
+"""As findings have them: text, where JSON has no word."""
+
+
 def _parsed(name: str, text: str) -> Any:
     try:
-        return json.loads(text)
+        return json.loads(text, parse_constant=_NO_NUMBERS.__getitem__)
     except ValueError as e:
         raise error(DamagedFile(name, f"it is not JSON ({e})")) from None
     except RecursionError:

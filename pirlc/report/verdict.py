@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -55,9 +56,9 @@ def _of_proofs(found: Data) -> Iterator[dict[str, str]]:
     emitted = found["emitted"]
     if emitted:
         kinds = [e["evidence"]["kind"] for e in emitted]
-        same = "The emitted C is the program, for all inputs and states"
-        words = "; ".join(f"{e['real']}: {e['evidence']['words']}" for e in emitted)
-        yield _said(_mark(kinds), f"{same}: {words}.")
+        words = ", ".join(f"{e['evidence']['words']} for {e['real']}" for e in emitted)
+        same = "That the emitted C equals the program, for all inputs and states, is"
+        yield _said(_mark(kinds), f"{same} {words}.")
 
 
 def _mark(kinds: list[str]) -> str:
@@ -74,11 +75,21 @@ def _of_loops(analysis: Data) -> Iterator[dict[str, str]]:
     text = f"Linearised loops: {stable} of {len(loops)} stable"
     margins = [loop["margins"] for loop in loops if loop["margins"] is not None]
     if margins:
-        phase = min(float(m["phase"]) for m in margins)
-        gain = min(float(m["gain_up"]) for m in margins)
-        delay = min(float(m["delay_samples"]) for m in margins)
+        least = {
+            name: min(float(m[name]) for m in margins)
+            for name in ("gain_up", "phase", "delay_samples")
+        }
         text += (
-            f"; the smallest margins are a gain factor of {gain:.3g}, a phase of {phase:.3g} "
-            f"degrees and a delay of {delay:.3g} samples"
+            f". The smallest margins: gain {_factor(least['gain_up'])}, phase "
+            f"{_amount(least['phase'], 'degrees')}, delay "
+            f"{_amount(least['delay_samples'], 'samples')}"
         )
     yield _said("plain" if stable == len(loops) else "bad", text + ".")
+
+
+def _factor(value: float) -> str:
+    return f"times {value:.3g}" if math.isfinite(value) else "unlimited"
+
+
+def _amount(value: float, unit: str) -> str:
+    return f"{value:.3g} {unit}" if math.isfinite(value) else "unlimited"

@@ -18,7 +18,7 @@ def interval(estimate: Mapping[str, Any]) -> str:
     low, high = estimate["low"], estimate["high"]
     if estimate["episodes"] > 1:
         return f"[{number(low)}, {number(high)}]"
-    exact = low is not None and low == high
+    exact = low == high
     return "exact: the environment is deterministic" if exact else "one episode, no interval"
 
 
