@@ -43,6 +43,7 @@ from pirlc.semantics.policies import InterpretedPolicy
 from pirlc.simulation.environments import EnvironmentFacts, check_interface, facts
 from pirlc.simulation.policy import PolicyFactory, Ready
 from pirlc.simulation.rollout import ReturnEstimate, estimate
+from pirlc.verify.emitted.gate import compared
 
 _EPISODES, _COSTLY_EPISODES = 1000, 50
 """Of the evaluation at the end; the second where simulators run compiled programs by themselves,
@@ -206,11 +207,13 @@ def _recorder(place: Path) -> Iterator[Callable[[str, Candidate], None]]:
 
 
 def _emit(program: Program, run: Run) -> tuple[Path, ...]:
-    return tuple(
-        path
-        for target in ("c", "python")
-        for path in write(emit(program, (target,)), run.folder / target)
-    )
+    """Raises `PirlcError` (E0915), the C not written, where that is not shown to be the program."""
+    paths: list[Path] = []
+    for target in ("c", "python"):
+        files = emit(program, (target,))
+        compared(program, files)
+        paths += write(files, run.folder / target)
+    return tuple(paths)
 
 
 def _evaluate(

@@ -49,9 +49,19 @@ def command(
     real: Literal["double", "float"],
 ) -> None:
     """Write PROGRAM, a .pirl file with nothing left to choose, as C, Python or a TORCS robot."""
-    from pirlc.backend.emit import emit_to
+    from pirlc.backend.emit import emit, write
+    from pirlc.report.data import as_data
+    from pirlc.verify.emitted.gate import compared, in_words
 
-    paths = emit_to(read_program(session, program), folder, targets, real)
+    closed = read_program(session, program)
+    files = emit(closed, targets, real)
+    # Before anything is written: C that is not the program must not look as if it were.
+    finding = compared(closed, files, real)
+    paths = write(files, folder)
     for path in paths:
         session.say(f"wrote {path}")
-    session.finish({"real": real, "files": [str(path) for path in paths]})
+    result: dict[str, object] = {"real": real, "files": [str(path) for path in paths]}
+    if finding is not None:
+        session.say(in_words(finding))
+        result["emitted"] = as_data(finding)
+    session.finish(result)

@@ -405,7 +405,7 @@ class Graph:
 
     def _at_most(self, left: Node, right: Node) -> Node:
         match left, right:
-            case (Integer() | Places()), (Integer() | Places()):
+            case ((Integer() | Places()), (Integer() | Places())):
                 return self._placewise(lambda a, b: int(a <= b), left, right)
             case Counter(), Integer():
                 return self._bounded(left, right.value)
@@ -453,8 +453,7 @@ class Graph:
                 assert isinstance(side, Integer)
                 columns.append((side.value,) * count)
         values = tuple(
-            None if a is None or b is None else change(a, b)
-            for a, b in zip(*columns, strict=True)
+            None if a is None or b is None else change(a, b) for a, b in zip(*columns, strict=True)
         )
         return self.places(ring, values)
 
@@ -465,7 +464,7 @@ class Graph:
             if isinstance(a, Integer) and isinstance(b, Counter) and sign == 1:
                 a, b = b, a
             match a, b:
-                case (Integer() | Places()), (Integer() | Places()):
+                case ((Integer() | Places()), (Integer() | Places())):
                     return self._placewise(
                         lambda x, y: x + sign * y if low <= x + sign * y <= high else None, a, b
                     )
@@ -495,7 +494,7 @@ class Graph:
         """As `choose`, where the condition may also depend on a ring's place."""
         if not isinstance(condition, Places):
             return self.choose(condition, high, low)
-        columns = []
+        columns: list[tuple[int | None, ...]] = []
         for side in (high, low):
             match side:
                 case Integer(_, value):
@@ -514,8 +513,7 @@ class Graph:
 def _under(node: Node, atom: Atom) -> Node:
     """The node where the atom, which is no later than any of its own, holds."""
     if isinstance(node, Choice) and (
-        node.atom is atom
-        or (atom.ladder and node.atom.ladder and node.atom.key[0] == atom.key[0])
+        node.atom is atom or (atom.ladder and node.atom.ladder and node.atom.key[0] == atom.key[0])
     ):
         return node.high
     return node

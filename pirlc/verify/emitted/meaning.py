@@ -294,4 +294,3 @@ class Meaning:
         # What is neither above, below nor equal to zero is NaN, as is then the result: x itself.
         rest = choose(self._less(x, zero), self.real(-1.0), choose(equal, zero, x))
         return choose(self._less(zero, x), self.real(1.0), rest)
-

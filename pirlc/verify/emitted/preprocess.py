@@ -35,7 +35,7 @@ double fabs(double); double sqrt(double); double exp(double); double tanh(double
 float fabsf(float); float sqrtf(float); float expf(float); float tanhf(float);
 """
 
-CONTRACTION = (
+CONTRACTION: tuple[tuple[Mapping[str, str], str], ...] = (
     ({}, "STDC FP_CONTRACT OFF"),
     ({"__GNUC__": "14", "__clang__": "1"}, "STDC FP_CONTRACT OFF"),
     ({"__GNUC__": "14"}, 'GCC optimize("fp-contract=off")'),
@@ -98,13 +98,16 @@ def guard_faults(source: str, stem: str, real: RealType) -> list[str]:
 @lru_cache(maxsize=64)
 def _head_faults(head: str, stem: str, real: RealType) -> tuple[str, ...]:
     headers = {f"{stem}.h": ""}
-    faults = []
-    for macros in ADMITTED[real]:
-        if _refuses(head, headers, macros):
-            faults.append(f"refuses {_told(macros)}, where it means the same")
-    for macros in REFUSED[real]:
-        if not _refuses(head, headers, macros):
-            faults.append(f"does not refuse {_told(macros)}, where it means something else")
+    faults = [
+        f"refuses {_told(macros)}, where it means the same"
+        for macros in ADMITTED[real]
+        if _refuses(head, headers, macros)
+    ]
+    faults += [
+        f"does not refuse {_told(macros)}, where it means something else"
+        for macros in REFUSED[real]
+        if not _refuses(head, headers, macros)
+    ]
     for macros, pragma in CONTRACTION:
         try:
             text = _run(head, headers, macros)

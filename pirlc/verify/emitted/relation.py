@@ -123,9 +123,7 @@ class Relation:
                 if name in rings:
                     cells = self._turned(cells, memory[STATE, rings[name][0]], *rings[name])
             what = f"state {name}"
-            for age, (one, other) in enumerate(
-                zip(reversed(cells), reversed(nodes), strict=True)
-            ):
+            for age, (one, other) in enumerate(zip(reversed(cells), reversed(nodes), strict=True)):
                 if one is not other:
                     part = what if len(nodes) == 1 else f"{what}, {age} steps ago"
                     found.append(Mismatch(part, one, other))
@@ -150,7 +148,6 @@ class Relation:
             what = "an array" if isinstance(place, Array) else describe(place)
             raise NotUnderstood(f"{head} is {what}")
         return cells[turn:] + cells[:turn]
-
 
 
 def blank(graph: Graph, object_: str, members: tuple[Member, ...]) -> Memory:
