@@ -79,10 +79,12 @@ def assemble(
     """The plant from the program's actions to the sensors that it reads."""
     c = derivatives.c[subject.readings]
     b = derivatives.b[:, subject.components]
+    # Those of conditions too: they tell which branch is taken there.
+    every = subject.program.interface.sensors
     operating: Mapping[str, float] = {
         **dict(zip(states, point.state, strict=True)),
         **{a.name: point.action[a.component] for a in subject.actions},
-        **{s.name: float(derivatives.observation[s.index]) for s in subject.sensors},
+        **{s.name: float(derivatives.observation[s.index]) for s in every},
     }
     return Plant(
         name=f"{subject.environment.id} ({point.name})",
