@@ -20,13 +20,12 @@ from pirlc.report import node
 from pirlc.report.page_data import page_data
 from pirlc.report.page_plots import page_plots
 from pirlc.report.problems import DamagedFile, error
-from pirlc.report.stored import ANALYSIS, VERIFICATION, read_stored
+from pirlc.report.run import ANALYSIS, PAGE, PAGE_DATA, VERIFICATION
+from pirlc.report.stored import read_stored
 from pirlc.resources import templates
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-
-PAGE, DATA = "report.html", "report.json"
 
 
 def write_report(folder: Path) -> tuple[Path, Path]:
@@ -39,7 +38,7 @@ def write_report(folder: Path) -> tuple[Path, Path]:
     text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
     # The page is made of what the JSON says, not of what it was made from.
     page = page_text(json.loads(text))
-    return write_text(folder / PAGE, page), write_text(folder / DATA, text + "\n")
+    return write_text(folder / PAGE, page), write_text(folder / PAGE_DATA, text + "\n")
 
 
 def page_text(data: Mapping[str, Any]) -> str:

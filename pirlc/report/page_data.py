@@ -15,8 +15,8 @@ from pirlc.ir.policy import Environment, Interface
 from pirlc.ir.printer import environment_text
 from pirlc.report.page_plots import MOST_STEPS
 from pirlc.report.page_search import search_data
-from pirlc.report.stored import ANALYSIS, VERIFICATION, Stored, understanding
-from pirlc.report.traces import TRACES
+from pirlc.report.run import ANALYSIS, TRACES, VERIFICATION
+from pirlc.report.stored import Stored, understanding
 from pirlc.report.verdict import verdict
 from pirlc.report.words import interval
 from pirlc.source import SourceText

@@ -5,12 +5,15 @@ from __future__ import annotations
 import io
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pirlc.backend.files import write_bytes
-from pirlc.search.context import Record
-from pirlc.simulation.rollout import ReturnEstimate
+
+if TYPE_CHECKING:
+    from pirlc.search.context import Record
+    from pirlc.simulation.rollout import ReturnEstimate
 
 STAGES = (
     ("initialize", "initialize", "o", "#4c72b0"),

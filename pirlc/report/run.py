@@ -9,6 +9,10 @@
     DIR/<name>.pirl         the program
     DIR/c/, DIR/python/     the controllers made from it
     DIR/search.png          return against size over the search
+    DIR/traces.json         the program beside the oracle over one unseen episode
+    DIR/verification.json   what was proved, refuted, tested
+    DIR/analysis.json       control-theory figures
+    DIR/report.html         the page of the run; DIR/report.json has all that it shows
 """
 
 from __future__ import annotations
@@ -23,6 +27,8 @@ from pirlc.backend.files import write_text
 from pirlc.report.problems import DamagedRun, ForeignFolder, OtherRun, error
 
 MANIFEST = "manifest.json"
+TRACES, VERIFICATION, ANALYSIS = "traces.json", "verification.json", "analysis.json"
+PAGE, PAGE_DATA = "report.html", "report.json"
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from pirlc.report.problems import DamagedFile, NoRun, error
-from pirlc.report.run import MANIFEST
-from pirlc.report.traces import TRACES
+from pirlc.report.run import ANALYSIS, MANIFEST, TRACES, VERIFICATION
 
-VERIFICATION, ANALYSIS = "verification.json", "analysis.json"
 _CANDIDATES, _SKETCH = "candidates.jsonl", "sketch.pirl"
 
 

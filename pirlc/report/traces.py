@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 from pirlc.backend.files import write_text
 from pirlc.ir.policy import ActionSpec, Choice, Continuous, Environment, Program
 from pirlc.oracle.network import Oracle
+from pirlc.report.run import TRACES
 from pirlc.semantics.policies import InterpretedPolicy
 from pirlc.semantics.vectorised import distances
 from pirlc.simulation.rollout import Episode, episode_return
 from pirlc.simulation.workers import collect_episodes
-
-TRACES = "traces.json"
 
 
 @dataclass(frozen=True, eq=False)
