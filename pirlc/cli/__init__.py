@@ -11,7 +11,19 @@ from collections.abc import Sequence
 import click
 
 import pirlc
-from pirlc.cli import check, emit, explain, fmt, oracle, report, rollout, synth, torcs, verify
+from pirlc.cli import (
+    analyze,
+    check,
+    emit,
+    explain,
+    fmt,
+    oracle,
+    report,
+    rollout,
+    synth,
+    torcs,
+    verify,
+)
 from pirlc.cli.guard import guarded
 from pirlc.cli.session import Session
 
@@ -38,6 +50,7 @@ for _command in (
     synth.command,
     emit.command,
     rollout.command,
+    analyze.command,
     verify.command,
     report.command,
     oracle.group,
