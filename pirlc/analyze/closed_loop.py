@@ -7,12 +7,12 @@ step before that some leaf recalls. All are deviations; saturation is left out.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
 
 from pirlc.analyze.exact import Rational
-from pirlc.analyze.findings import Leaf, Plant
+from pirlc.analyze.findings import Leaf, Matrix, Plant
 from pirlc.ir.evidence import Kind
 
 MOST_MODES = 64
@@ -84,6 +84,62 @@ def why_not(plant: Plant, leaves: Sequence[Leaf]) -> str | None:
     return None
 
 
+def parts_of(plant: Plant, leaves: Sequence[Leaf]) -> tuple[tuple[Plant, tuple[Leaf, ...]], ...]:
+    """The plant and the leaves taken apart into what has nothing to do with each other.
+
+    In the order of the plant's inputs; parts that no leaf acts on are left out.
+    """
+    n, m, p = len(plant.states), len(plant.inputs), len(plant.outputs)
+    size = n + m + p
+    linked = [{i} for i in range(size)]
+
+    def link(i: int, j: int) -> None:
+        if linked[i] is not linked[j]:
+            linked[i] |= linked[j]
+            for k in linked[j]:
+                linked[k] = linked[i]
+
+    for first, second, matrix in ((0, 0, plant.a), (0, n, plant.b), (n + m, 0, plant.c)):
+        for i, row in enumerate(matrix):
+            for j, value in enumerate(row):
+                if value:
+                    link(first + i, second + j)
+    for leaf in leaves:
+        at = n + plant.inputs.index(leaf.action)
+        for part in leaf.filters:
+            link(at, n + m + plant.outputs.index(part.sensor))
+        for recall in leaf.recalls:
+            link(at, n + plant.inputs.index(recall.action))
+    found: list[tuple[Plant, tuple[Leaf, ...]]] = []
+    done: set[int] = set()
+    for j, name in enumerate(plant.inputs):
+        members = linked[n + j]
+        if n + j in done or not any(leaf.action == name for leaf in leaves):
+            continue
+        done |= members
+        states, inputs, outputs = (
+            [i for i in range(count) if first + i in members]
+            for first, count in ((0, n), (n, m), (n + m, p))
+        )
+        names = {plant.inputs[i] for i in inputs}
+        part_plant = replace(
+            plant,
+            a=_cut(plant.a, states, states),
+            b=_cut(plant.b, states, inputs),
+            c=_cut(plant.c, outputs, states),
+            d=_cut(plant.d, outputs, inputs),
+            states=tuple(plant.states[i] for i in states),
+            inputs=tuple(plant.inputs[i] for i in inputs),
+            outputs=tuple(plant.outputs[i] for i in outputs),
+        )
+        found.append((part_plant, tuple(leaf for leaf in leaves if leaf.action in names)))
+    return tuple(found)
+
+
+def _cut(matrix: Matrix, rows: Sequence[int], columns: Sequence[int]) -> Matrix:
+    return tuple(tuple(matrix[i][j] for j in columns) for i in rows)
+
+
 def shape_of(plant: Plant, leaves: Sequence[Leaf], latency: int) -> Shape:
     depth = dict.fromkeys(plant.outputs, 0)
     for leaf in leaves:
@@ -95,7 +151,7 @@ def shape_of(plant: Plant, leaves: Sequence[Leaf], latency: int) -> Shape:
 
 
 def modes_of(plant: Plant, leaves: Sequence[Leaf]) -> tuple[Mode, ...]:
-    """Every combination of one leaf an action, in the order of the leaves, up to `MOST_MODES` + 1."""
+    """Every combination of one leaf an action, in their order, at most `MOST_MODES` + 1 of them."""
     by_action = [
         [leaf for leaf in leaves if leaf.action == action]
         for action in plant.inputs

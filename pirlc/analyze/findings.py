@@ -312,7 +312,8 @@ class ResponseFinding:
     """A step of a setpoint in the simulator, beside what the linear loop predicts.
 
     Deviations from the operating point at `times` (seconds, or steps); `error` is, by output, the
-    largest difference as a share of the largest predicted deviation.
+    largest difference as a share of the largest predicted deviation; `fit`, in percent, is
+    100 (1 - |simulated - predicted| / |simulated|), Euclidean norms over the times.
     """
 
     action: str
@@ -324,6 +325,7 @@ class ResponseFinding:
     error: Mapping[str, float]
     evidence: Evidence
     notes: tuple[str, ...] = ()
+    fit: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

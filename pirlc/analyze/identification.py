@@ -18,6 +18,9 @@ Vector = NDArray[np.float64]
 
 MOST_ORDER = 8
 
+SMALL = 5e-4
+"""A loss that no larger order need improve: errors of about a fortieth of a step's change."""
+
 
 @dataclass(frozen=True)
 class Record:
@@ -47,7 +50,7 @@ class Arx:
         return len(self.a)
 
     def state_space(self) -> tuple[Vector, Vector, Vector]:
-        """A (np, np), B (np, m), C (p, np) in observer form: the first p states are the readings."""
+        """A (np, np), B (np, m), C (p, np) in observer form: the first p states are readings."""
         n, p, m = self.order, self.a.shape[1], self.b.shape[2]
         a, b, c = np.zeros((n * p, n * p)), np.zeros((n * p, m)), np.zeros((p, n * p))
         for i in range(n):
@@ -112,7 +115,7 @@ def free_run(model: Arx, record: Record, horizon: int | None = None) -> tuple[Ve
 
 
 def fit_percent(predicted: Vector, measured: Vector) -> Vector:
-    """100 (1 - |y - y'| / |y - mean y|) for each reading: 100 is perfect, 0 no better than the mean.
+    """100 (1 - |y - y'| / |y - mean y|) for each reading: 100 is perfect, 0 as good as the mean.
 
     The normalised root mean square error of Ljung's `compare`; -inf where the model diverges.
     """
@@ -139,7 +142,7 @@ def loss(model: Arx, records: Sequence[Record]) -> float:
 
 @dataclass(frozen=True)
 class Chosen:
-    """The model, its order's competitors as (order, loss on the choosing data), in that order."""
+    """The model, and (order, loss on the selection data) of all that were tried."""
 
     model: Arx
     losses: tuple[tuple[int, float], ...]
@@ -150,9 +153,8 @@ def choose_order(
 ) -> Chosen:
     """The order of least one-step loss on `selection`, by the one-standard-error rule.
 
-    The smallest order whose loss is within one standard error (over the records of `selection`)
-    of the least: higher ones fit the same noise (Breiman et al. 1984, section 3.4.3). The model is
-    of that order.
+    The smallest order whose loss is `SMALL`, or within one standard error (over the records of
+    `selection`) of the least: higher ones fit the same noise (Breiman et al. 1984, section 3.4.3).
     """
     models = [fit_arx(estimation, order) for order in range(1, most + 1)]
     by_record = np.array([[loss(model, [record]) for record in selection] for model in models])
@@ -161,7 +163,7 @@ def choose_order(
     # Differences from the best, record by record: what all records share is not uncertainty.
     gaps = by_record - by_record[best]
     error = gaps.std(axis=1, ddof=1) / np.sqrt(len(selection)) if len(selection) > 1 else 0 * losses
-    near = gaps.mean(axis=1) <= np.maximum(error, 1e-12)
+    near = (gaps.mean(axis=1) <= np.maximum(error, 1e-12)) | (losses <= SMALL)
     first = int(np.argmax(near))
     return Chosen(
         models[first],

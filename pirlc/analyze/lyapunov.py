@@ -45,7 +45,7 @@ class Edge:
 
 @dataclass(frozen=True)
 class Lyapunov:
-    """A function for each of `words`; the one in force falls by `decay` (below 1) or more a step."""
+    """A function for each of `words`; the one in force falls by `decay` (below 1) or more."""
 
     words: tuple[Word, ...]
     matrices: tuple[Rational, ...]
@@ -128,7 +128,7 @@ def _solve(modes: Sequence[Real], edges: Sequence[Edge], decay: float) -> list[R
         constraints.append((margin + margin.T) / 2 >> 0)
     problem = cp.Problem(cp.Maximize(slack), [*constraints, slack <= 1.0])
     try:
-        problem.solve(solver=cp.CLARABEL)
+        problem.solve(solver=cp.CLARABEL)  # type: ignore[no-untyped-call]
     except cp.error.SolverError:
         return None
     if slack.value is None or not np.isfinite(slack.value) or float(slack.value) <= -1e-6:

@@ -13,7 +13,15 @@ from itertools import product
 
 import numpy as np
 
-from pirlc.analyze.closed_loop import MOST_MODES, Mode, closed_loop, modes_of, shape_of, why_not
+from pirlc.analyze.closed_loop import (
+    MOST_MODES,
+    Mode,
+    closed_loop,
+    modes_of,
+    parts_of,
+    shape_of,
+    why_not,
+)
 from pirlc.analyze.exact import Rational
 from pirlc.analyze.findings import Leaf, Plant, SwitchingFinding
 from pirlc.analyze.lyapunov import Lyapunov, lyapunov, radius
@@ -33,12 +41,24 @@ _BEYOND = 1e-7
 """A spectral radius is on the border where it is no farther from 1 than this."""
 
 
-def switching_of(plant: Plant, leaves: Sequence[Leaf], latency: int) -> SwitchingFinding | None:
+def switching_of(
+    plant: Plant, leaves: Sequence[Leaf], latency: int
+) -> tuple[SwitchingFinding, ...]:
     """What is known of all orders of the leaves of the plant's inputs.
 
-    None where no action has two leaves. `leaves` are those of the continuous actions; an action
-    without any is held.
+    One finding for each part of the loop that has nothing to do with the others and in which some
+    action has two leaves. `leaves` are those of the continuous actions; an action without any is
+    held.
     """
+    against = why_not(plant, leaves)
+    if against is not None:
+        names = tuple(mode.name for mode in modes_of(plant, leaves)[:MOST_MODES])
+        return (SwitchingFinding(names, (), None, None, unknown(against)),) if names[1:] else ()
+    found = (_in_part(part, some, latency) for part, some in parts_of(plant, leaves))
+    return tuple(finding for finding in found if finding is not None)
+
+
+def _in_part(plant: Plant, leaves: Sequence[Leaf], latency: int) -> SwitchingFinding | None:
     modes = modes_of(plant, leaves)
     if len(modes) < 2:
         return None
@@ -46,9 +66,6 @@ def switching_of(plant: Plant, leaves: Sequence[Leaf], latency: int) -> Switchin
     if len(modes) > MOST_MODES:
         reason = f"more than {MOST_MODES} modes"
         return SwitchingFinding(names[:MOST_MODES], (), None, None, unknown(reason))
-    reason_against = why_not(plant, leaves)
-    if reason_against is not None:
-        return SwitchingFinding(names, (), None, None, unknown(reason_against))
     shape = shape_of(plant, leaves, latency)
     matrices = [closed_loop(shape, mode) for mode in modes]
     return decide(names, shape.states, matrices, _notes(modes, matrices))
@@ -101,10 +118,10 @@ def decide(
     cycle = _worst_cycle(modes, called)
     if cycle is not None:
         order, growth = cycle
-        tried.append(f"cycles of up to {_LONGEST_CYCLE} steps: {order} has spectral radius {growth:.6g}")
-        return finding(
-            Evidence(Kind.REFUTED, f"for the linearisation, {order} in turn diverges")
+        tried.append(
+            f"cycles of up to {_LONGEST_CYCLE} steps: {order} has spectral radius {growth:.6g}"
         )
+        return finding(Evidence(Kind.REFUTED, f"for the linearisation, {order} in turn diverges"))
     if len(modes) > 1:
         tried.append(f"cycles of up to {_LONGEST_CYCLE} steps: none diverges")
     for length, what in enumerate(_KINDS):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -113,9 +114,6 @@ def _best(
         return slope
 
     estimates = [at(width) for width in _WIDTHS]
-    gaps = [
-        float(np.max(np.abs(one - other)))
-        for one, other in zip(estimates[:-1], estimates[1:], strict=True)
-    ]
+    gaps = [float(np.max(np.abs(one - other))) for one, other in pairwise(estimates)]
     best = int(np.argmin(gaps))
     return estimates[best], gaps[best]

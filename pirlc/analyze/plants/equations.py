@@ -91,6 +91,10 @@ def _made(
     return Equations(states, angles, step, points, source)
 
 
+def _parts(x: SX) -> tuple[SX, ...]:
+    return tuple(ca.vertsplit(x))
+
+
 def _clip(value: SX, low: float, high: float) -> SX:
     return ca.fmin(ca.fmax(value, low), high)
 
@@ -100,7 +104,7 @@ def cart_pole() -> Equations:
     gravity, cart, pole, half, newtons, tau = 9.8, 1.0, 0.1, 0.5, 10.0, 0.02
 
     def dynamics(x: SX, u: SX) -> tuple[SX, SX]:
-        _, speed, angle, turning = ca.vertsplit(x)
+        _, speed, angle, turning = _parts(x)
         force = newtons * (2.0 * u[0] - 1.0)
         total = cart + pole
         push = (force + pole * half * turning**2 * ca.sin(angle)) / total
@@ -127,7 +131,7 @@ def pendulum(gravity: float = 10.0) -> Equations:
     mass, length, dt, most_torque, most_speed = 1.0, 1.0, 0.05, 2.0, 8.0
 
     def dynamics(x: SX, u: SX) -> tuple[SX, SX]:
-        angle, speed = ca.vertsplit(x)
+        angle, speed = _parts(x)
         torque = _clip(u[0], -most_torque, most_torque)
         turn = 3 * gravity / (2 * length) * ca.sin(angle) + 3.0 / (mass * length**2) * torque
         faster = _clip(speed + turn * dt, -most_speed, most_speed)
@@ -150,7 +154,7 @@ def _car(force: Callable[[SX], SX], idle: float) -> Equations:
     low, high, most_speed = -1.2, 0.6, 0.07
 
     def dynamics(x: SX, u: SX) -> tuple[SX, SX]:
-        position, velocity = ca.vertsplit(x)
+        position, velocity = _parts(x)
         faster = velocity + force(u[0]) - 0.0025 * ca.cos(3 * position)
         faster = _clip(faster, -most_speed, most_speed)
         moved = _clip(position + faster, low, high)
@@ -167,7 +171,7 @@ def _car(force: Callable[[SX], SX], idle: float) -> Equations:
 
 
 def mountain_car() -> Equations:
-    """A car in a valley, pushed by 0.001 (a - 1); semi-implicit Euler, one step the unit of time."""
+    """A car in a valley, pushed by 0.001 (a - 1); semi-implicit Euler, a step the unit of time."""
     return _car(lambda u: 0.001 * (u - 1.0), 1.0)
 
 
@@ -181,7 +185,7 @@ def acrobot() -> Equations:
     mass, length, center, inertia, gravity, dt = 1.0, 1.0, 0.5, 1.0, 9.8, 0.2
 
     def slope(x: SX, torque: SX) -> SX:
-        first, second, turning, bending = ca.vertsplit(x)
+        first, second, turning, bending = _parts(x)
         d1 = (
             mass * center**2
             + mass * (length**2 + center**2 + 2 * length * center * ca.cos(second))
@@ -208,7 +212,7 @@ def acrobot() -> Equations:
         k3 = slope(x + dt / 2 * k2, torque)
         k4 = slope(x + dt * k3, torque)
         moved = x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        first, second, turning, bending = ca.vertsplit(x)
+        first, second, turning, bending = _parts(x)
         after = ca.vertcat(
             moved[0],
             moved[1],

@@ -1,4 +1,4 @@
-"""Finding a plant: from known equations, else by differences in the simulator, else from rollouts."""
+"""Finding a plant: by known equations, by differences in the simulator, or from rollouts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from pirlc.analyze.findings import Origin, Plant
 from pirlc.analyze.plants.differences import differences, find_rest
 from pirlc.analyze.plants.equations import Equations, OperatingPoint, known_equations
-from pirlc.analyze.plants.identified import Rollouts, identify_plant
+from pirlc.analyze.plants.identified import Rollouts, identify_plant, shortened
 from pirlc.analyze.plants.linear import from_differences, from_equations, largest_miss
 from pirlc.analyze.plants.problems import NoEquations, UnknownOperatingPoint, failure
 from pirlc.analyze.plants.states import middle_action, resettable
@@ -18,7 +18,7 @@ from pirlc.analyze.plants.subject import Subject, make_simulator, sample_time, s
 from pirlc.diagnostics import PirlcError
 from pirlc.ir.policy import Environment, Program
 from pirlc.semantics.policies import InterpretedPolicy
-from pirlc.simulation.environments import Simulator, check_interface, facts_of
+from pirlc.simulation.environments import Simulator, check_interface, facts_of, make
 from pirlc.simulation.rollout import run_episode
 
 AGREES = 1e-6
@@ -59,11 +59,13 @@ def find_plant(
             case Origin.SIMULATOR:
                 return _by_simulator(subject, simulator, operating_point)
             case Origin.IDENTIFIED:
-                return identify_plant(subject, simulator, rollouts or Rollouts())
+                return _by_rollouts(subject, simulator, rollouts or Rollouts(), trust)
             case Origin.GIVEN:
                 raise ValueError("a plant given in a file is not to be found")
             case None:
-                return _automatic(subject, simulator, operating_point, rollouts or Rollouts())
+                return _automatic(
+                    subject, simulator, operating_point, rollouts or Rollouts(), trust
+                )
             case _:
                 assert_never(origin)
     finally:
@@ -75,6 +77,7 @@ def _automatic(
     simulator: Simulator,
     operating_point: str | OperatingPoint | None,
     rollouts: Rollouts,
+    trust: bool,
 ) -> Plant:
     refused: list[str] = []
     for attempt in (_by_equations, _by_simulator):
@@ -88,7 +91,16 @@ def _automatic(
             refused.extend(_words(diagnostic) for diagnostic in error.diagnostics)
         else:
             return _with_notes(plant, refused)
-    return _with_notes(identify_plant(subject, simulator, rollouts), refused)
+    return _with_notes(_by_rollouts(subject, simulator, rollouts, trust), refused)
+
+
+def _by_rollouts(subject: Subject, simulator: Simulator, rollouts: Rollouts, trust: bool) -> Plant:
+    limit = facts_of(simulator, subject.environment).max_episode_steps
+    shorter = make(shortened(subject.environment, rollouts.most_steps, limit), trust)
+    try:
+        return identify_plant(subject, shorter, rollouts)
+    finally:
+        shorter.close()
 
 
 def _words(diagnostic: object) -> str:

@@ -12,6 +12,7 @@ from scipy.linalg import block_diag
 
 from pirlc.analyze.findings import Origin, Plant
 from pirlc.analyze.identification import (
+    Arx,
     Chosen,
     Record,
     choose_order,
@@ -23,7 +24,7 @@ from pirlc.analyze.plants.linear import rows
 from pirlc.analyze.plants.problems import NotExcited, TooShort, failure
 from pirlc.analyze.plants.subject import Subject, sample_time, sensors_of
 from pirlc.ir.evidence import tested
-from pirlc.ir.policy import ActionSpec, Choice, Continuous, Sensor
+from pirlc.ir.policy import ActionSpec, Choice, Continuous, Environment, Sensor
 from pirlc.semantics.policies import InterpretedPolicy
 from pirlc.simulation.environments import Simulator
 from pirlc.simulation.rollout import Episode, run_episode
@@ -33,8 +34,10 @@ Vector = NDArray[np.float64]
 LEAST_STEPS = 50
 """A rollout with fewer usable steps is left out."""
 
-HORIZON = 50
-"""Steps after which a free run is started anew; unstable plants leave any longer one."""
+LONGEST_RUN = 50
+"""Steps after which a free run is started anew; fewer for an unstable plant (`horizon_of`)."""
+
+_GROWTH = 10.0
 
 
 @dataclass(frozen=True)
@@ -43,16 +46,17 @@ class Rollouts:
 
     The level is uniform within `dither` times the action's range; how long it stays is geometric
     with a mean of `hold` steps. Discrete actions are replaced by another of their values in a share
-    `dither` of the steps. `settled`: the share of an episode, from its start, that is left out.
+    `dither` of the steps. `settled`: the share of an episode, from its start, that is left out;
+    episodes are cut off after `most_steps`.
     Half of the episodes estimate the model, a quarter chooses its order, a quarter tells its fit;
     episode i is from seed `seed + i`, its dither from (`seed`, i).
     """
 
     episodes: int = 12
-    dither: float = 0.05
-    hold: float = 4.0
-    settled: float = 0.3
-    most_steps: int = 4000
+    dither: float = 0.1
+    hold: float = 12.0
+    settled: float = 0.4
+    most_steps: int = 1500
     seed: int = 0
 
 
@@ -101,6 +105,12 @@ def roll_out(subject: Subject, simulator: Simulator, rollouts: Rollouts) -> list
     ]
 
 
+def shortened(environment: Environment, steps: int, limit: int | None) -> Environment:
+    """The environment with episodes of at most `steps`; `limit` is its own."""
+    fewer = steps if limit is None else min(steps, limit)
+    return environment.with_arguments((("max_episode_steps", fewer),))
+
+
 def identify_plant(subject: Subject, simulator: Simulator, rollouts: Rollouts) -> Plant:
     """ARX models of the actions with the sensors that they read, side by side in one plant.
 
@@ -110,7 +120,7 @@ def identify_plant(subject: Subject, simulator: Simulator, rollouts: Rollouts) -
     Raises PirlcError E0514 to E0518 for the rollouts, E0934 or E0935 where they do not serve.
     """
     episodes = roll_out(subject, simulator, rollouts)
-    usable = [_settled(episode, rollouts) for episode in episodes]
+    usable = [settled(episode, rollouts) for episode in episodes]
     usable = [piece for piece in usable if len(piece[0]) >= LEAST_STEPS]
     name = subject.environment.id
     if len(usable) < 4:
@@ -129,14 +139,14 @@ class Identified:
     chosen: Chosen
     one_step: Vector
     free_run: Vector
+    horizon: int
     steps: int
 
 
-def _settled(episode: Episode, rollouts: Rollouts) -> tuple[Vector, Vector]:
+def settled(episode: Episode, rollouts: Rollouts) -> tuple[Vector, Vector]:
     """The episode without its beginning and from the last missing reading on."""
     first = int(rollouts.settled * len(episode.actions))
-    y = episode.observations[first : first + rollouts.most_steps]
-    u = episode.actions[first : first + rollouts.most_steps]
+    y, u = episode.observations[first:], episode.actions[first:]
     missing = np.flatnonzero(~np.isfinite(y).all(axis=1))
     after = int(missing[-1]) + 1 if len(missing) else 0
     return y[after:], u[after:]
@@ -186,8 +196,19 @@ def _identified(
     held_out = records[half + quarter :]
     chosen = choose_order(estimation, selection)
     ahead = [one_step(chosen.model, record) for record in held_out]
-    free = [free_run(chosen.model, record, HORIZON) for record in held_out]
-    return Identified(actions, sensors, chosen, _fit(ahead), _fit(free), sum(map(len, held_out)))
+    horizon = horizon_of(chosen.model)
+    free = [free_run(chosen.model, record, horizon) for record in held_out]
+    steps = sum(map(len, held_out))
+    return Identified(actions, sensors, chosen, _fit(ahead), _fit(free), horizon, steps)
+
+
+def horizon_of(model: Arx) -> int:
+    """Steps in which the model's own unstable poles magnify an error tenfold, at most
+    `LONGEST_RUN`: longer free runs of any model leave the plant."""
+    fastest = float(np.max(np.abs(np.linalg.eigvals(model.state_space()[0]))))
+    if fastest <= _GROWTH ** (1.0 / LONGEST_RUN):
+        return LONGEST_RUN
+    return max(3, int(np.log(_GROWTH) / np.log(fastest)))
 
 
 def _fit(pairs: Sequence[tuple[Vector, Vector]]) -> Vector:
@@ -228,9 +249,10 @@ def _joined(
         notes.append(_note(model))
     notes.append(
         f"from {rollouts.episodes} rollouts of the program with a random dither of "
-        f"{rollouts.dither:.3g} of each action's range, without the first {rollouts.settled:.0%} of "
-        "each; a linear model of what the program does there, with the other actions as the "
-        "program has them"
+        f"{rollouts.dither:.3g} of each action's range, without the first {rollouts.settled:.0%} "
+        "of each; a linear model of what happens there, with the other actions as the program has "
+        "them. What disturbs the loop meanwhile (bends of a road) biases it, the less the larger "
+        "the dither"
     )
     for state in states:
         operating.setdefault(state, 0.0)
@@ -250,9 +272,7 @@ def _joined(
         outputs=tuple(sensor.name for sensor in kept),
         sample_time=sample_time(subject, simulator),
         operating=operating,
-        evidence=tested(
-            steps, f"held-out steps; `fit` is of free runs of {HORIZON} steps from the actions alone"
-        ),
+        evidence=tested(steps, "held-out steps; the fit is of free runs from the actions alone"),
         fit=fit,
         notes=tuple(notes),
     )
@@ -261,7 +281,8 @@ def _joined(
 def _note(model: Identified) -> str:
     names = " and ".join(action.name for action in model.actions)
     fits = ", ".join(
-        f"{sensor.name} {ahead:.1f} % one step ahead, {free:.1f} % in free runs of {HORIZON} steps"
+        f"{sensor.name} {ahead:.1f} % one step ahead, {free:.1f} % in free runs of "
+        f"{model.horizon} steps"
         for sensor, ahead, free in zip(model.sensors, model.one_step, model.free_run, strict=True)
     )
     return f"{names}: ARX of order {model.chosen.model.order}; fit on held-out rollouts: {fits}"

@@ -46,11 +46,9 @@ class Resettable:
 
     def advance(self, state: Vector, action: Vector) -> tuple[Vector, Vector]:
         self.put(state)
-        applied: Any
+        applied: Any = np.array(action, dtype=self._dtype)
         if self._discrete:
             applied = round(float(action[0]))
-        else:
-            applied = np.array(action, dtype=self._dtype)
         observation, *_ = self.simulator.unwrapped.step(applied)
         return self.state(), np.array(observation, dtype=np.float64).reshape(-1)
 

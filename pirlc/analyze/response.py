@@ -1,0 +1,374 @@
+"""What the linear loop predicts beside what the simulator does.
+
+Simulated deviations are differences of two runs that share everything, one with the change and one
+without: what disturbs both alike is no part of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirlc.analyze.closed_loop import Mode, Shape, closed_loop, law, parts_of, shape_of, why_not
+from pirlc.analyze.findings import Leaf, Origin, Plant, ResponseFinding
+from pirlc.analyze.plants.equations import known_equations
+from pirlc.analyze.plants.identified import shortened
+from pirlc.analyze.plants.states import Resettable, resettable
+from pirlc.ir.evidence import tested, unknown
+from pirlc.ir.operators import Operator
+from pirlc.ir.policy import Continuous, Environment, Fill, Program
+from pirlc.ir.terms import Apply, Literal
+from pirlc.semantics.policies import InterpretedPolicy
+from pirlc.simulation.environments import Simulator, facts, make
+from pirlc.simulation.rollout import run_episode
+
+Real = NDArray[np.float64]
+
+SHARE = 0.05
+"""A setpoint steps by this share of its sensor's range, if the action has room for that."""
+
+ROOM = 0.5
+"""The share of the action's room around the operating point that a predicted action may take."""
+
+STARTS = 6
+"""Places in an episode at which a step is tried; their mean is what is shown."""
+
+_SHORTEST, _LONGEST = 20, 200
+_EPISODE = 1500
+
+
+@dataclass(frozen=True)
+class Change:
+    """What is done to the loop: the leaf's offset steps by `offset`, and the state starts at
+    `state` (over the shape's states). `what` says it."""
+
+    what: str
+    offset: float
+    state: Real
+
+
+def response_of(
+    program: Program,
+    environment: Environment,
+    plant: Plant,
+    leaf: Leaf,
+    others: Sequence[Leaf] = (),
+    *,
+    trust: bool = False,
+) -> ResponseFinding:
+    """The loop of one leaf, with `others` closed (one a further action), predicted and simulated.
+
+    Where the plant's state can be set, from a state off the operating point; else, or where the
+    leaf has a setpoint, after a step of that or (without one) of the action. Raises PirlcError
+    E0501 to E0518 for the environment.
+    """
+    latency = program.interface.latency
+    against = why_not(plant, [leaf, *others])
+    if against is not None:
+        return _nothing(leaf, against)
+    whole = plant
+    plant, leaves = next(
+        part for part in parts_of(whole, [leaf, *others]) if leaf.action in part[0].inputs
+    )
+    shape = shape_of(plant, leaves, latency)
+    mode = Mode(leaf.name, {each.action: each for each in leaves})
+    matrix = np.array(closed_loop(shape, mode), dtype=np.float64)
+    fastest = float(np.max(np.abs(np.linalg.eigvals(matrix))))
+    if fastest > 1.0 + 1e-9:
+        return _nothing(leaf, f"the linear loop is unstable (spectral radius {fastest:.4g})")
+    steps = _horizon(fastest)
+    change = _change(program, shape, leaf, matrix, steps)
+    predicted = _predicted(shape, leaf, matrix, change, steps)
+    if change.offset:
+        runs = _stepped(program, environment, leaf, change, steps, trust)
+    else:
+        runs = _released(program, environment, whole, plant, change, steps, trust)
+    names = (*plant.outputs, *plant.inputs)
+    usable = [run for run in runs if len(run) >= _SHORTEST]
+    if not usable:
+        return _nothing(leaf, f"{change.what}: no episode is long enough to show it")
+    length = min(steps, *(len(run) for run in usable))
+    columns = _columns(program, plant)
+    simulated = np.mean([run[:length] for run in usable], axis=0)[:, columns]
+    return _finding(leaf, plant, change, names, predicted[:length], simulated, len(usable))
+
+
+def _nothing(leaf: Leaf, reason: str) -> ResponseFinding:
+    return ResponseFinding(leaf.action, leaf.name, "", (), {}, {}, {}, unknown(reason))
+
+
+def _horizon(fastest: float) -> int:
+    """Steps in which the slowest pole falls to a thousandth."""
+    if fastest < 1e-3:
+        return _SHORTEST
+    slow = np.log(1e-3) / np.log(min(fastest, 1.0 - 1e-6))
+    return int(np.clip(slow, _SHORTEST, _LONGEST))
+
+
+def _change(program: Program, shape: Shape, leaf: Leaf, matrix: Real, steps: int) -> Change:
+    """As large as linearity may be hoped for."""
+    plant, size = shape.plant, len(shape.states)
+    pid = next((form for form in leaf.pids if form.setpoint is not None and form.dc_gain), None)
+    if pid is not None:
+        sensor = program.interface.sensor(pid.sensor)
+        step = SHARE * (sensor.upper - sensor.lower)
+        gain = float(pid.dc_gain)
+        unit = Change("", gain * step, np.zeros(size))
+        share = _fitting(program, shape, leaf, matrix, unit, steps)
+        step *= share
+        what = f"a step of the setpoint of {pid.sensor} by {step:.3g}"
+        return Change(what, gain * step, np.zeros(size))
+    if plant.origin is Origin.IDENTIFIED or plant.origin is Origin.GIVEN:
+        spec = next(a for a in program.interface.actions if a.name == leaf.action)
+        assert isinstance(spec.domain, Continuous)
+        step = SHARE * (spec.domain.upper - spec.domain.lower)
+        unit = Change("", step, np.zeros(size))
+        step *= _fitting(program, shape, leaf, matrix, unit, steps)
+        return Change(f"a step of {leaf.action} by {step:.3g}", step, np.zeros(size))
+    read = next(
+        (f for f in leaf.filters if f.dc_gain and any(_row(plant, f.sensor))),
+        leaf.filters[0],
+    )
+    row = np.array(_row(plant, read.sensor))
+    sensor = program.interface.sensor(read.sensor)
+    step = SHARE * (sensor.upper - sensor.lower)
+    direction = row / float(row @ row) if np.any(row) else np.eye(len(row))[0]
+    start = _started(program, shape, direction * step)
+    step *= _fitting(program, shape, leaf, matrix, Change("", 0.0, start), steps)
+    what = f"released where {read.sensor} is {step:.3g} off"
+    return Change(what, 0.0, _started(program, shape, direction * step))
+
+
+def _row(plant: Plant, sensor: str) -> tuple[float, ...]:
+    return plant.c[plant.outputs.index(sensor)]
+
+
+def _started(program: Program, shape: Shape, state: Real) -> Real:
+    """The whole state at reset in a plant's state: what the windows hold then."""
+    whole = np.zeros(len(shape.states))
+    n = len(state)
+    whole[:n] = state
+    if program.interface.fill is Fill.FIRST:
+        readings = np.array(shape.plant.c) @ state
+        at = n
+        for name, value in zip(shape.plant.outputs, readings, strict=True):
+            whole[at : at + shape.depth[name]] = value
+            at += shape.depth[name]
+    return whole
+
+
+def _fitting(
+    program: Program, shape: Shape, leaf: Leaf, matrix: Real, unit: Change, steps: int
+) -> float:
+    """The share of a change, at most 1, at which the predicted action stays inside its range."""
+    plant = shape.plant
+    predicted = _predicted(shape, leaf, matrix, unit, steps)
+    column = len(plant.outputs) + plant.inputs.index(leaf.action)
+    largest = float(np.max(np.abs(predicted[:, column])))
+    spec = next(a for a in program.interface.actions if a.name == leaf.action)
+    assert isinstance(spec.domain, Continuous)
+    at = plant.operating.get(leaf.action, spec.safe)
+    room = min(spec.domain.upper - at, at - spec.domain.lower)
+    if room <= 0.0:
+        room = spec.domain.upper - spec.domain.lower
+    return min(1.0, ROOM * room / largest) if largest > 0.0 else 1.0
+
+
+def _predicted(shape: Shape, leaf: Leaf, matrix: Real, change: Change, steps: int) -> Real:
+    """Deviations (steps, outputs and inputs) of the linear closed loop."""
+    plant, size, n = shape.plant, len(shape.states), len(shape.plant.states)
+    entry = np.zeros(size)
+    entry[:n] = np.array(plant.b)[:, plant.inputs.index(leaf.action)]
+    if leaf.action in shape.recalled:
+        entry[size - len(shape.recalled) + shape.recalled.index(leaf.action)] = 1.0
+    row = np.array(law(shape, leaf), dtype=np.float64)
+    c = np.array(plant.c)
+    found = np.zeros((steps, len(plant.outputs) + len(plant.inputs)))
+    z = change.state.copy()
+    for k in range(steps):
+        found[k, : len(c)] = c @ z[:n]
+        found[k, len(c) + plant.inputs.index(leaf.action)] = row @ z + change.offset
+        z = matrix @ z + entry * change.offset
+    return found
+
+
+def _columns(program: Program, plant: Plant) -> list[int]:
+    """Where outputs and inputs stand in a run's rows: all of the observation, then the actions."""
+    sensors = {sensor.name: sensor.index for sensor in program.interface.sensors}
+    components = {action.name: -1 - action.component for action in program.interface.actions}
+    return [sensors[name] for name in plant.outputs] + [components[name] for name in plant.inputs]
+
+
+def _rows(observations: Real, actions: Real) -> Real:
+    """Observations, and the actions from the end backwards: component 0 is the last column."""
+    return np.concatenate([observations, actions[:, ::-1]], axis=1)
+
+
+class _Stepping:
+    """A program of which one action is offset from a step on (before it is clipped)."""
+
+    def __init__(self, program: Program, action: str, offset: float, at: int) -> None:
+        self._plain = InterpretedPolicy(program)
+        self._moved = InterpretedPolicy(_with_offset(program, action, offset))
+        self._at = at
+        self._step = 0
+
+    def reset(self) -> None:
+        self._plain.reset()
+        self._step = 0
+
+    def act(self, observation: Real) -> tuple[float, ...]:
+        policy = self._plain if self._step < self._at else self._moved
+        if self._step == self._at:
+            self._moved.state = self._plain.state
+        self._step += 1
+        return policy.act(observation)
+
+
+def _with_offset(program: Program, action: str, offset: float) -> Program:
+    bodies = tuple(
+        Apply(Operator.ADD, (body, Literal(offset))) if spec.name == action else body
+        for spec, body in zip(program.interface.actions, program.bodies, strict=True)
+    )
+    return replace(program, bodies=bodies)
+
+
+def _stepped(
+    program: Program,
+    environment: Environment,
+    leaf: Leaf,
+    change: Change,
+    steps: int,
+    trust: bool,
+) -> list[Real]:
+    """Differences that a step of the leaf's offset makes, from several places of an episode on."""
+    limit = facts(environment, trust).max_episode_steps
+    simulator = make(shortened(environment, _EPISODE, limit), trust)
+    try:
+        plain = run_episode(simulator, InterpretedPolicy(program), 0)
+        before = _rows(plain.observations, plain.actions)
+        # Not at the start, where the loop is not yet about its operating point.
+        last = len(before) - steps
+        places = np.unique(np.linspace(0.4 * len(before), max(last, 0.4 * len(before)), STARTS))
+        found = []
+        for place in {int(place) for place in places}:
+            policy = _Stepping(program, leaf.action, change.offset, place)
+            episode = run_episode(simulator, policy, 0)
+            after = _rows(episode.observations, episode.actions)
+            end = min(len(before), len(after))
+            found.append((after[:end] - before[:end])[place : place + steps])
+        return found
+    finally:
+        simulator.close()
+
+
+def _released(
+    program: Program,
+    environment: Environment,
+    whole: Plant,
+    plant: Plant,
+    change: Change,
+    steps: int,
+    trust: bool,
+) -> list[Real]:
+    """The difference between starting off the operating point and at it."""
+    simulator = make(environment, trust)
+    try:
+        system = resettable(simulator, environment.id)
+        rest = np.array([whole.operating[name] for name in whole.states])
+        off = np.zeros(len(rest))
+        off[[whole.states.index(name) for name in plant.states]] = change.state[: len(plant.states)]
+        runs = [
+            _from_state(program, environment, simulator, system, whole, state, steps)
+            for state in (rest, rest + off)
+        ]
+        end = min(map(len, runs))
+        return [runs[1][:end] - runs[0][:end]]
+    finally:
+        simulator.close()
+
+
+def _from_state(
+    program: Program,
+    environment: Environment,
+    simulator: Simulator,
+    system: Resettable,
+    plant: Plant,
+    state: Real,
+    steps: int,
+) -> Real:
+    simulator.reset(seed=0)
+    observation = _first_observation(program, environment, simulator, plant, state)
+    policy = InterpretedPolicy(program)
+    policy.reset()
+    observations, actions = [], []
+    for _ in range(steps):
+        action = policy.act(observation)
+        observations.append(observation)
+        actions.append(action)
+        state, observation = system.advance(state, np.array(action))
+    return _rows(np.array(observations), np.array(actions))
+
+
+def _first_observation(
+    program: Program, environment: Environment, simulator: Simulator, plant: Plant, state: Real
+) -> Real:
+    """The readings of a state that no step has led to."""
+    space: Any = simulator.observation_space
+    equations = known_equations(environment)
+    if equations is not None:
+        action = np.zeros(equations.step.numel_in(1))
+        values = np.array(equations.step(state, action)[1], np.float64).reshape(-1)
+        return np.asarray(values.astype(space.dtype), dtype=np.float64)
+    observation = np.zeros(space.shape)
+    rest = np.array([plant.operating[name] for name in plant.states])
+    readings = np.array(plant.c) @ (state - rest)
+    for name, value in zip(plant.outputs, readings, strict=True):
+        place = program.interface.sensor(name).index
+        observation[place] = plant.operating[name] + value
+    return observation
+
+
+def _finding(
+    leaf: Leaf,
+    plant: Plant,
+    change: Change,
+    names: Sequence[str],
+    predicted: Real,
+    simulated: Real,
+    runs: int,
+) -> ResponseFinding:
+    unit = plant.sample_time or 1.0
+    largest = np.max(np.abs(predicted), axis=0)
+    shown = [i for i, size in enumerate(largest) if size > 1e-9]
+    gap = np.max(np.abs(simulated - predicted), axis=0)
+    error = {names[i]: float(gap[i] / largest[i]) for i in shown}
+    # Of deviations: zero is where they are measured from, not their mean.
+    miss = np.linalg.norm(simulated - predicted, axis=0)
+    size = np.maximum(np.linalg.norm(simulated, axis=0), 1e-300)
+    fit = {names[i]: float(100.0 * (1.0 - miss[i] / size[i])) for i in shown}
+    words = ", ".join(f"{name} {value:.1f} %" for name, value in fit.items())
+    where = "one run" if runs == 1 else f"the mean of {runs} places in an episode"
+    notes = [f"fit of the prediction to {where}: {words}"]
+    far = [name for name, value in fit.items() if value < 50.0]
+    if far:
+        notes.append(
+            f"prediction and simulator disagree in {', '.join(far)}: saturation, another branch, "
+            "or a plant that is not linear or not known well enough there"
+        )
+    return ResponseFinding(
+        action=leaf.action,
+        leaf=leaf.name,
+        what=change.what,
+        times=tuple((np.arange(len(predicted)) * unit).tolist()),
+        predicted={names[i]: tuple(predicted[:, i].tolist()) for i in shown},
+        simulated={names[i]: tuple(simulated[:, i].tolist()) for i in shown},
+        error=error,
+        evidence=tested(runs * len(predicted), "steps of the simulator"),
+        notes=tuple(notes),
+        fit=fit,
+    )
