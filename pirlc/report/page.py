@@ -8,6 +8,7 @@ templates cannot put out otherwise than escaped.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -35,10 +36,15 @@ def write_report(folder: Path) -> tuple[Path, Path]:
     bytes. Raises PirlcError E0711, E0712, E0740, E0741.
     """
     data = page_data(read_stored(folder))
-    text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
+    text = _on_lines(json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False))
     # The page is made of what the JSON says, not of what it was made from.
     page = page_text(json.loads(text))
     return write_text(folder / PAGE, page), write_text(folder / PAGE_DATA, text + "\n")
+
+
+def _on_lines(text: str) -> str:
+    """Indented JSON with each list of numbers on one line. No text holds a line end of its own."""
+    return re.sub(r"\[\n[\s\d.,eE+-]+\]", lambda found: "".join(found[0].split()), text)
 
 
 def page_text(data: Mapping[str, Any]) -> str:
