@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from pirlc.analyze.findings import Analysis, Leaf, Plant, ResponseFinding
+from pirlc.analyze.findings import Analysis, Leaf, LoopFinding, Plant, ResponseFinding
 from pirlc.analyze.relay import relays_of, switches
 from pirlc.analyze.transfer import leaves_of, operating_point
-from pirlc.ir.policy import Program
+from pirlc.ir.policy import Environment, Program
 
 if TYPE_CHECKING:
     from pirlc.analyze.pid import RestGain
@@ -22,16 +22,18 @@ def analyze(
     at: Mapping[str, float] | None = None,
     latency: int | None = None,
     sample_time: float | None = None,
-    responses: tuple[ResponseFinding, ...] = (),
+    simulator: Environment | None = None,
+    trust: bool = False,
 ) -> Analysis:
     """Leaves of every action; with a plant the loops, the relays and the switching too.
 
     `at`: readings and actions by name to linearise at, instead of the plant's operating point (and
     the middle of the range where there is neither). `latency` (steps) and `sample_time` (seconds)
     instead of the program's; without either sample time the plant's, else times are in steps.
-    `responses` are put in as they are.
+    `simulator`: where to compare the stable loops at the operating point with what is simulated
+    (the program's own latency is simulated).
 
-    Raises PirlcError E0921 where two ways to a margin disagree.
+    Raises PirlcError E0921 where two ways to a margin disagree, and E0501 to E0518 for `simulator`.
     """
     interface = program.interface
     delay = interface.latency if latency is None else latency
@@ -42,7 +44,7 @@ def analyze(
     notes = (*notes, *more)
     if plant is None:
         return Analysis(
-            interface.name, seconds, delay, leaves, relays=relays, responses=responses,
+            interface.name, seconds, delay, leaves, relays=relays,
             notes=(*notes, "no plant: no loops, no margins"),
         )  # fmt: skip
     from pirlc.analyze.loop import loops_of
@@ -50,7 +52,6 @@ def analyze(
 
     linear = [leaf for leaf in leaves if not switches(_of(leaves, leaf.action))]
     loops, more = loops_of(linear, plant, delay, seconds)
-    switching = switching_of(plant, linear, delay) if linear else None
     return Analysis(
         program=interface.name,
         sample_time=seconds,
@@ -59,10 +60,36 @@ def analyze(
         plant=plant,
         loops=loops,
         relays=relays,
-        switching=() if switching is None else (switching,),
-        responses=responses,
+        switching=switching_of(plant, linear, delay) if linear else (),
+        responses=_responses(program, simulator, plant, linear, loops, delay, trust),
         notes=(*notes, *more),
     )
+
+
+def _responses(
+    program: Program,
+    simulator: Environment | None,
+    plant: Plant,
+    leaves: list[Leaf],
+    loops: tuple[LoopFinding, ...],
+    latency: int,
+    trust: bool,
+) -> tuple[ResponseFinding, ...]:
+    """Of the stable loops whose leaf is taken at the operating point."""
+    if simulator is None or latency != program.interface.latency:
+        return ()
+    from pirlc.analyze.response import response_of
+
+    stable = {loop.leaf for loop in loops if loop.stable}
+    taken = [leaf for leaf in leaves if leaf.active and leaf.action in plant.inputs]
+    return tuple(
+        response_of(
+            program, simulator, plant, leaf, [o for o in taken if o.action != leaf.action],
+            trust=trust,
+        )
+        for leaf in taken
+        if leaf.name in stable
+    )  # fmt: skip
 
 
 def _of(leaves: tuple[Leaf, ...], action: str) -> list[Leaf]:

@@ -213,7 +213,7 @@ class _Reader:
         if not isinstance(given, dict):
             raise self.refuse("`operating` is no table")
         interface = self.program.interface
-        known = tuple(part.name for part in (*interface.sensors, *interface.actions))
+        known = (*(s.name for s in interface.sensors), *(a.name for a in interface.actions))
         self.named("operating", tuple(given), known, "sensor or action")
         return {name: self.number(value, f"operating.{name}") for name, value in given.items()}
 

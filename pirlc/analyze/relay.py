@@ -17,7 +17,7 @@ from itertools import product
 import numpy as np
 
 from pirlc.analyze.assembly import assemble
-from pirlc.analyze.findings import Leaf, LimitCycle, Plant, RelayFinding
+from pirlc.analyze.findings import Filter, Leaf, LimitCycle, Plant, RelayFinding
 from pirlc.analyze.loop import poles_of
 from pirlc.analyze.paths import Path, paths, written
 from pirlc.analyze.realisation import Complex, Realisation, phase_crossings
@@ -210,9 +210,14 @@ def _relay(
             f"s answers the action after {degree} steps: it cannot be held at 0 from one step to "
             "the next"
         )
-    cycles = _cycles(loop, (high - low) / 2.0, sample_time)
+    reach = _reach(program, filters, offset)
+    every = _cycles(loop, (high - low) / 2.0, sample_time)
+    cycles = tuple(cycle for cycle in every if cycle.amplitude <= reach)
     if not cycles:
-        notes.append("the describing function predicts no limit cycle")
+        notes.append(
+            "the describing function predicts no limit cycle"
+            + (" within the sensors' ranges" if every else "")
+        )
     return RelayFinding(
         action, text, low, high, filters, offset,
         poles_of(zeros, sample_time),
@@ -222,6 +227,16 @@ def _relay(
                  "estimate by the describing function"),
         tuple(notes),
     )  # fmt: skip
+
+
+def _reach(program: Program, filters: Sequence[Filter], offset: Fraction) -> float:
+    """The largest |s| that readings within their ranges can give."""
+    sensors = {sensor.name: sensor for sensor in program.interface.sensors}
+    return abs(float(offset)) + sum(
+        abs(float(weight)) * max(abs(sensors[f.sensor].lower), abs(sensors[f.sensor].upper))
+        for f in filters
+        for weight in f.coefficients
+    )
 
 
 def _relative_degree(loop: Realisation) -> int | None:

@@ -28,9 +28,11 @@ def in_words(found: Analysis) -> str:
     blocks = [_head(found)]
     loops = {loop.leaf: loop for loop in found.loops}
     relays = {relay.action for relay in found.relays}
-    for leaf in found.leaves:
-        if leaf.action not in relays:
-            blocks.append([*_leaf(leaf), *_loop(loops.get(leaf.name), found)])
+    blocks += [
+        [*_leaf(leaf), *_loop(loops.get(leaf.name), found)]
+        for leaf in found.leaves
+        if leaf.action not in relays
+    ]
     blocks += [list(_relay(relay, found)) for relay in found.relays]
     blocks += [list(_switching(switching)) for switching in found.switching]
     blocks += [list(_response(response)) for response in found.responses]

@@ -45,6 +45,11 @@ _FOUND = ("equations", "simulator", "identify")
     help="Steps that readings are late (default: the program's).",
 )
 @click.option(
+    "--simulate/--no-simulate",
+    default=True,
+    help="Compare the loops with the simulator, where the program names one.",
+)
+@click.option(
     "-o", "--output", "folder", type=click.Path(path_type=Path),
     help="A folder for plots: Bode, Nyquist, step response, poles.",
 )  # fmt: skip
@@ -59,6 +64,7 @@ def command(
     operating_point: str | None,
     points: tuple[str, ...],
     latency: int | None,
+    simulate: bool,
     folder: Path | None,
     arguments: Arguments,
     trust: bool,
@@ -77,7 +83,10 @@ def command(
     closed = program_in(source, sketch)
     at = parse_points(points, closed)
     around = _plant(session, closed, plant, operating_point, trust)
-    found = analyze(closed, around, at=at, latency=latency)
+    found = analyze(
+        closed, around, at=at, latency=latency,
+        simulator=closed.interface.environment if simulate else None, trust=trust,
+    )  # fmt: skip
     session.say(in_words(found))
     data = as_data(found)
     written: list[str] = []
@@ -96,7 +105,7 @@ def parse_points(entries: tuple[str, ...], program: Program) -> dict[str, float]
     from pirlc.diagnostics import suggestion
 
     interface = program.interface
-    known = [part.name for part in (*interface.sensors, *interface.actions)]
+    known = [*(s.name for s in interface.sensors), *(a.name for a in interface.actions)]
     found: dict[str, float] = {}
     for entry in entries:
         name, equals, text = entry.partition("=")
