@@ -105,11 +105,15 @@ def parts_of(plant: Plant, leaves: Sequence[Leaf]) -> tuple[tuple[Plant, tuple[L
                 if value:
                     link(first + i, second + j)
     for leaf in leaves:
+        if leaf.action not in plant.inputs:
+            continue
         at = n + plant.inputs.index(leaf.action)
         for part in leaf.filters:
-            link(at, n + m + plant.outputs.index(part.sensor))
+            if part.sensor in plant.outputs:
+                link(at, n + m + plant.outputs.index(part.sensor))
         for recall in leaf.recalls:
-            link(at, n + plant.inputs.index(recall.action))
+            if recall.action in plant.inputs:
+                link(at, n + plant.inputs.index(recall.action))
     found: list[tuple[Plant, tuple[Leaf, ...]]] = []
     done: set[int] = set()
     for j, name in enumerate(plant.inputs):

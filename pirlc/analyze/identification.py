@@ -18,8 +18,8 @@ Vector = NDArray[np.float64]
 
 MOST_ORDER = 8
 
-SMALL = 5e-4
-"""A loss that no larger order need improve: errors of about a fortieth of a step's change."""
+SMALL = 6e-4
+"""A loss that no larger order need improve: errors of a fortieth of a step's change."""
 
 
 @dataclass(frozen=True)

@@ -77,12 +77,12 @@ def response_of(
     shape = shape_of(plant, leaves, latency)
     mode = Mode(leaf.name, {each.action: each for each in leaves})
     matrix = np.array(closed_loop(shape, mode), dtype=np.float64)
+    change = _change(program, shape, leaf, matrix)
+    predicted = _predicted(shape, leaf, matrix, change, _LONGEST)
     fastest = float(np.max(np.abs(np.linalg.eigvals(matrix))))
-    if fastest > 1.0 + 1e-9:
+    if fastest > 1.0 and _grows(predicted):
         return _nothing(leaf, f"the linear loop is unstable (spectral radius {fastest:.4g})")
-    steps = _horizon(fastest)
-    change = _change(program, shape, leaf, matrix, steps)
-    predicted = _predicted(shape, leaf, matrix, change, steps)
+    steps = _settled(predicted)
     if change.offset:
         runs = _stepped(program, environment, leaf, change, steps, trust)
     else:
@@ -101,15 +101,21 @@ def _nothing(leaf: Leaf, reason: str) -> ResponseFinding:
     return ResponseFinding(leaf.action, leaf.name, "", (), {}, {}, {}, unknown(reason))
 
 
-def _horizon(fastest: float) -> int:
-    """Steps in which the slowest pole falls to a thousandth."""
-    if fastest < 1e-3:
-        return _SHORTEST
-    slow = np.log(1e-3) / np.log(min(fastest, 1.0 - 1e-6))
-    return int(np.clip(slow, _SHORTEST, _LONGEST))
+def _grows(predicted: Real) -> bool:
+    """Whether a response goes on growing: a pole that it neither moves nor shows does no harm."""
+    size = np.max(np.abs(predicted), axis=1)
+    half = len(size) // 2
+    return bool(np.max(size[half:]) > 2.0 * np.max(size[:half]) or not np.all(np.isfinite(size)))
 
 
-def _change(program: Program, shape: Shape, leaf: Leaf, matrix: Real, steps: int) -> Change:
+def _settled(predicted: Real) -> int:
+    """Steps after which a response stays within a thousandth of where it is going."""
+    gap = np.abs(predicted - predicted[-1]) > 1e-3 * np.max(np.abs(predicted), axis=0)
+    last = int(np.flatnonzero(gap.any(axis=1)).max(initial=0))
+    return int(np.clip(last + 1, _SHORTEST, _LONGEST))
+
+
+def _change(program: Program, shape: Shape, leaf: Leaf, matrix: Real) -> Change:
     """As large as linearity may be hoped for."""
     plant, size = shape.plant, len(shape.states)
     pid = next((form for form in leaf.pids if form.setpoint is not None and form.dc_gain), None)
@@ -118,7 +124,7 @@ def _change(program: Program, shape: Shape, leaf: Leaf, matrix: Real, steps: int
         step = SHARE * (sensor.upper - sensor.lower)
         gain = float(pid.dc_gain)
         unit = Change("", gain * step, np.zeros(size))
-        share = _fitting(program, shape, leaf, matrix, unit, steps)
+        share = _fitting(program, shape, leaf, matrix, unit)
         step *= share
         what = f"a step of the setpoint of {pid.sensor} by {step:.3g}"
         return Change(what, gain * step, np.zeros(size))
@@ -127,7 +133,7 @@ def _change(program: Program, shape: Shape, leaf: Leaf, matrix: Real, steps: int
         assert isinstance(spec.domain, Continuous)
         step = SHARE * (spec.domain.upper - spec.domain.lower)
         unit = Change("", step, np.zeros(size))
-        step *= _fitting(program, shape, leaf, matrix, unit, steps)
+        step *= _fitting(program, shape, leaf, matrix, unit)
         return Change(f"a step of {leaf.action} by {step:.3g}", step, np.zeros(size))
     read = next(
         (f for f in leaf.filters if f.dc_gain and any(_row(plant, f.sensor))),
@@ -138,7 +144,7 @@ def _change(program: Program, shape: Shape, leaf: Leaf, matrix: Real, steps: int
     step = SHARE * (sensor.upper - sensor.lower)
     direction = row / float(row @ row) if np.any(row) else np.eye(len(row))[0]
     start = _started(program, shape, direction * step)
-    step *= _fitting(program, shape, leaf, matrix, Change("", 0.0, start), steps)
+    step *= _fitting(program, shape, leaf, matrix, Change("", 0.0, start))
     what = f"released where {read.sensor} is {step:.3g} off"
     return Change(what, 0.0, _started(program, shape, direction * step))
 
@@ -161,12 +167,10 @@ def _started(program: Program, shape: Shape, state: Real) -> Real:
     return whole
 
 
-def _fitting(
-    program: Program, shape: Shape, leaf: Leaf, matrix: Real, unit: Change, steps: int
-) -> float:
+def _fitting(program: Program, shape: Shape, leaf: Leaf, matrix: Real, unit: Change) -> float:
     """The share of a change, at most 1, at which the predicted action stays inside its range."""
     plant = shape.plant
-    predicted = _predicted(shape, leaf, matrix, unit, steps)
+    predicted = _predicted(shape, leaf, matrix, unit, _LONGEST)
     column = len(plant.outputs) + plant.inputs.index(leaf.action)
     largest = float(np.max(np.abs(predicted[:, column])))
     spec = next(a for a in program.interface.actions if a.name == leaf.action)
