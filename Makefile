@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt
 PYTEST_ARGS ?= -n auto
 
-.PHONY: help synth test lint slow bench bench-torcs clean
+.PHONY: help synth test lint slow bench bench-torcs mutate clean
 .DEFAULT_GOAL := help
 
 help:
@@ -15,6 +15,7 @@ help:
 	@echo "make lint    formatting, style, types, layers"
 	@echo "make slow    the long checks"
 	@echo "make bench   the benchmarks; bench-torcs: the experiments in TORCS (hours)"
+	@echo "make mutate  plants faults in templates, printers and lowering: do the tests notice?"
 	@echo "make clean   remove $(VENV), runs and caches"
 
 synth: $(VENV)/installed
@@ -40,6 +41,9 @@ bench-torcs: $(VENV)/installed-dev
 	@$(BIN)/pirlc torcs install
 	@for name in synthesise performance smoothness transfer environment robustness; do \
 	    $(BIN)/python -m benchmarks.torcs.$$name || exit 1; done
+
+mutate: $(VENV)/installed-dev
+	@$(BIN)/python -m benchmarks.mutation
 
 clean:
 	@rm -rf $(VENV) build dist runs *.egg-info

@@ -181,7 +181,7 @@ def _refused(compiler: Compiler, words: str, folder: Path) -> CompilationFailed 
 
 
 def bridge_text(controller: Controller, stem: str) -> str:
-    """C that ctypes calls: it picks readings out of an observation vector and runs whole series."""
+    """C that ctypes calls: it picks readings out of an observation vector."""
     ordered = sorted(controller.outputs, key=lambda o: o.component)
     printer = CPrinter(controller, "double")
     return render(
@@ -217,7 +217,6 @@ class CController:
         self.real = real
         self.library = library
         library.bridge_state_size.restype = ctypes.c_ulong
-        library.bridge_run.restype = None
         library.bridge_step.restype = ctypes.c_uint
         self.state_size = int(library.bridge_state_size())
         # In units of 16 bytes: aligned for whatever the state holds.

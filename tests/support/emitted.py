@@ -33,7 +33,7 @@ from tests.support.programs import Kinds, random_program, renamed
 
 REAL: dict[Precision, RealType] = {Precision.BINARY64: "double", Precision.BINARY32: "float"}
 
-BRIDGED = ("state_size", "default_params", "reset", "flags", "step", "run", "series")
+BRIDGED = ("state_size", "default_params", "reset", "flags", "step", "series")
 
 SERIES = """
 void bridge_series(const double *values, void *s, unsigned long steps, unsigned long width,
