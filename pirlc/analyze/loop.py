@@ -13,6 +13,7 @@ import numpy as np
 
 from pirlc.analyze.assembly import Assembly, assemble, composed
 from pirlc.analyze.checks import checks_of, failed
+from pirlc.analyze.closed_loop import parts_of
 from pirlc.analyze.findings import (
     Check,
     FrequencyResponse,
@@ -47,17 +48,20 @@ def loops_of(
     """
     found: list[LoopFinding] = []
     notes: list[str] = []
+    parts = parts_of(plant, leaves)
     for leaf in leaves:
         why = _unclosed(leaf, plant)
         if why:
             notes.append(f"no loop of {leaf.name}: {why}")
             continue
+        # What this loop neither moves nor shows is no part of it, and may be unstable by itself.
+        around, together = next(part for part in parts if leaf.action in part[0].inputs)
         others = [
             other
-            for other in leaves
-            if other.action != leaf.action and other.active and not _unclosed(other, plant)
+            for other in together
+            if other.action != leaf.action and other.active and not _unclosed(other, around)
         ]
-        found.append(loop_of(leaf, others, plant, latency, sample_time))
+        found.append(loop_of(leaf, others, around, latency, sample_time))
     return tuple(found), tuple(notes)
 
 

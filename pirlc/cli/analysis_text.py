@@ -42,7 +42,8 @@ def in_words(found: Analysis) -> str:
 
 def _head(found: Analysis) -> list[str]:
     time = "times in steps" if found.sample_time is None else f"{found.sample_time:g} s a step"
-    late = f"readings {found.latency} steps late" if found.latency else "no latency"
+    steps = "step" if found.latency == 1 else "steps"
+    late = f"readings {found.latency} {steps} late" if found.latency else "no latency"
     lines = [f"{found.program}: {time}, {late}"]
     return lines if found.plant is None else [*lines, *_plant(found.plant)]
 
@@ -67,7 +68,7 @@ def _leaf(leaf: Leaf) -> Iterator[str]:
         yield "  (not taken at the operating point)"
     if leaf.filters or leaf.recalls or leaf.linear:
         yield from _row("law", law(leaf.filters, leaf))
-    yield from _row("", str(leaf.evidence))
+    yield from _row("evidence", str(leaf.evidence))
     for form in leaf.pids:
         setpoint = "" if form.setpoint is None else f", setpoint {_number(form.setpoint)}"
         yield from _row(
@@ -181,7 +182,7 @@ def _relay(relay: RelayFinding, found: Analysis) -> Iterator[str]:
     )
     if relay.filters:
         yield from _row("s", law(relay.filters, offset=relay.offset))
-    yield from _row("", str(relay.evidence))
+    yield from _row("evidence", str(relay.evidence))
     if relay.sliding_poles is not None:
         how = "stable" if relay.sliding_stable else "not asymptotically stable"
         yield from _row("on s = 0", f"{how}: poles {_poles(relay.sliding_poles)}")
@@ -208,7 +209,7 @@ def _switching(switching: SwitchingFinding) -> Iterator[str]:
 
 
 def _response(response: ResponseFinding) -> Iterator[str]:
-    yield f"{response.leaf} in the simulator, a step of {response.what}"
+    yield from _wrapped(f"{response.leaf} in the simulator: {response.what or 'not shown'}", 4)
     for name, error in response.error.items():
         yield from _row(name, f"differs by at most {error:.2%} of the largest deviation predicted")
     yield from _row("evidence", str(response.evidence))
