@@ -19,7 +19,7 @@ from pirlc.ir.policy import ActionSpec, Choice, Continuous, Program
 from pirlc.semantics.precision import BINARY32, BINARY64
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_terms import Real, Truth
-from pirlc.verify.asking import Limits
+from pirlc.verify.asking import DEFAULT_LIMITS, Limits
 from pirlc.verify.enclosure import Enclosure, Interval, IntervalStep, enclose, needed
 from pirlc.verify.exact import NotRational, exact_steps
 from pirlc.verify.extremes import CLOSE, Supremum, limited, supremum, why
@@ -28,11 +28,13 @@ from pirlc.verify.model import Model, unroll
 from pirlc.verify.replay import Trial, as_replay, run
 from pirlc.verify.rounding import rounding
 
-BOXES = 4_000
+BOXES = 600
 """The boxes that branch and bound looks at for one bound."""
 
 
-def bounds(program: Program, limits: Limits = Limits()) -> tuple[ActionBounds | ChoiceBounds, ...]:
+def bounds(
+    program: Program, limits: Limits = DEFAULT_LIMITS
+) -> tuple[ActionBounds | ChoiceBounds, ...]:
     """What each action can be, and how fast it can change."""
     found: list[ActionBounds | ChoiceBounds] = []
     for spec in program.interface.actions:
@@ -124,15 +126,12 @@ class _Asked:
 
     def change(self, *, applied: bool) -> Extreme:
         """Upward or downward, whichever is larger."""
-        up, down = (
-            self._supremum(Quantity(self.spec.name, applied, True, sign)) for sign in (1, -1)
-        )
-        for one in (up, down):
-            if one.evidence.kind is not Kind.PROVED or one.value is None:
-                return self._extreme(one, 1)
-        assert up.value is not None
-        assert down.value is not None
-        return self._extreme(max(up, down, key=lambda s: (s.value, s.attained)), 1)
+        found = []
+        for sign in (1, -1):
+            found.append(self._supremum(Quantity(self.spec.name, applied, True, sign)))
+            if found[-1].value is None:
+                return self._extreme(found[-1], 1)
+        return self._extreme(max(found, key=lambda s: (s.value, s.attained)), 1)
 
     def _extreme(self, found: Supremum, sign: int) -> Extreme:
         value = None if found.value is None else sign * found.value

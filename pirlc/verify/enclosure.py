@@ -29,6 +29,8 @@ CLOSE = Fraction(1, 10**9)
 
 _DIGITS = 120
 _STARTS = 10
+_HOPELESS = 100
+"""Boxes after which one without any bound is not expected to get one."""
 
 Place = tuple[str, int]
 """A reading (sensor, number from the oldest) or an action's first `previous` (action, -1)."""
@@ -164,7 +166,9 @@ class _Search:
         heap = [_Promise.of(whole, 0, self.start)]
         while heap and used < boxes:
             promise = heap[0]
-            if None not in (best, promise.top) and promise.top - best <= CLOSE / 2:
+            if promise.top is None and used >= _HOPELESS:
+                break
+            if promise.top is not None and best is not None and promise.top - best <= CLOSE / 2:
                 break
             heapq.heappop(heap)
             place = self._to_halve(promise.box)

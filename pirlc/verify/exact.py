@@ -44,7 +44,7 @@ def exact_step(
     program: Program,
     windows: Mapping[str, Sequence[float | Fraction]],
     previous: Mapping[str, float | Fraction],
-    forced: Mapping[tuple[str, int], bool] = {},
+    forced: Mapping[tuple[str, int], int] = {},
 ) -> ExactStep:
     """One step on full windows (oldest reading first). Raises `NotRational`.
 
@@ -92,20 +92,20 @@ def _algebra(
     windows: Mapping[str, Sequence[float | Fraction]],
     previous: Mapping[str, float | Fraction],
     made: list[Decision],
-    forced: Mapping[int, bool],
+    forced: Mapping[int, int],
 ) -> Algebra[Exact]:
     values = program.values
 
     def compare(test: Callable[[Exact, Exact], bool]) -> Callable[[Exact, Exact], bool]:
         def compared(a: Exact, b: Exact) -> bool:
-            answer = forced.get(len(made), test(a, b))
+            answer = bool(forced.get(len(made), test(a, b)))
             made.append(Decision(answer, abs(Fraction(a) - Fraction(b))))
             return answer
 
         return compared
 
     def sign(a: Exact) -> Exact:
-        answer = (a > 0) - (a < 0)
+        answer = forced.get(len(made), (a > 0) - (a < 0))
         made.append(Decision(answer, abs(Fraction(a))))
         return Fraction(answer)
 

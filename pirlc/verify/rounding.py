@@ -43,12 +43,15 @@ class StepRounding:
 
     `raw` and `applied`: the distance before and after clipping. `margins`: for each occurrence of a
     comparison or a `sign`, as `symbolic.z3_form.GuardKey` counts them, the sides' distance up to
-    which rounding may turn it (0: never).
+    which rounding may turn it (0: never). `partials`: for each occurrence of a division or a square
+    root, as `symbolic.z3_form.Records` lists them, how far off the denominator is, or what the root
+    is taken of (0 too where that is not negative in either arithmetic).
     """
 
     raw: Mapping[str, float | None]
     applied: Mapping[str, float]
     margins: Mapping[str, tuple[float | None, ...]]
+    partials: Mapping[str, tuple[float | None, ...]]
 
 
 @dataclass(frozen=True)
@@ -71,11 +74,13 @@ def rounding(program: Program, precision: Precision, steps: int = 1) -> Rounding
         raw: dict[str, float | None] = {}
         applied: dict[str, float] = {}
         margins: dict[str, tuple[float | None, ...]] = {}
+        partials: dict[str, tuple[float | None, ...]] = {}
         following: dict[str, Value] = {}
         for action, body in zip(program.interface.actions, program.bodies, strict=True):
-            marked: list[float | None] = []
-            result = walk(body, _algebra(program, precision, numbers, previous, marked))
-            margins[action.name] = tuple(marked)
+            met = _Met([], [])
+            result = walk(body, _algebra(program, precision, numbers, previous, met))
+            margins[action.name] = tuple(met.margins)
+            partials[action.name] = tuple(met.partials)
             following[action.name] = after = _applied(action, result, precision)
             match action.domain:
                 case Continuous():
@@ -84,7 +89,7 @@ def rounding(program: Program, precision: Precision, steps: int = 1) -> Rounding
                     applied[action.name] = _upward(after.error)
                 case Choice():
                     raw[action.name] = applied[action.name] = 0.0
-        found.append(StepRounding(raw, applied, margins))
+        found.append(StepRounding(raw, applied, margins, partials))
         previous = following
     return RoundingBounds(precision, tuple(found))
 
@@ -195,12 +200,20 @@ def _upward(x: arb) -> float:
     return near if Fraction(near) >= exact else math.nextafter(near, math.inf)
 
 
+@dataclass(frozen=True)
+class _Met:
+    """What a walk has met so far: see `StepRounding`."""
+
+    margins: list[float | None]
+    partials: list[float | None]
+
+
 def _algebra(
     program: Program,
     precision: Precision,
     numbers: _Numbers,
     previous: Mapping[str, Value],
-    margins: list[float | None],
+    met: _Met,
 ) -> Algebra[Value]:
     ranges = {
         sensor.name: widened(sensor.lower, sensor.upper) for sensor in program.interface.sensors
@@ -245,7 +258,11 @@ def _algebra(
         both = a.nonnegative and b.nonnegative
         return rounded(a.range * b.range, carried.upper(), both, loses)
 
-    def divide(a: Ball, b: Ball) -> Value:
+    def divide(a: Value, b: Value) -> Value:
+        met.partials.append(_upward(b.error) if isinstance(b, Ball) else None)
+        return quotient(a, b) if isinstance(a, Ball) and isinstance(b, Ball) else None
+
+    def quotient(a: Ball, b: Ball) -> Value:
         least = b.range.abs_lower().lower()
         nearest = (least - b.error).lower()
         if not nearest > 0:
@@ -276,7 +293,14 @@ def _algebra(
         nonnegative = x.nonnegative and low.nonnegative and high.nonnegative
         return Ball(hull, (error + 2 * crossed).upper(), nonnegative)
 
-    def square_root(a: Ball) -> Value:
+    def square_root(a: Value) -> Value:
+        if not isinstance(a, Ball):
+            met.partials.append(None)
+            return None
+        met.partials.append(0.0 if a.nonnegative else _upward(a.error))
+        return root(a)
+
+    def root(a: Ball) -> Value:
         low = (a.range.lower() - a.error).lower()
         if not (a.nonnegative or low >= 0):
             return None
@@ -306,16 +330,16 @@ def _algebra(
         return Ball(-a.range, a.error)
 
     def sign(a: Value) -> Value:
-        margins.append(_upward(a.error) if isinstance(a, Ball) else None)
+        met.margins.append(_upward(a.error) if isinstance(a, Ball) else None)
         return Ball(_between(-1.0, 1.0), _ZERO, isinstance(a, Ball) and a.nonnegative)
 
     def compare(a: Value, b: Value) -> Value:
         if isinstance(a, Decided):
-            margins.append(0.0)
+            met.margins.append(0.0)
         elif isinstance(a, Ball) and isinstance(b, Ball):
-            margins.append(_upward(a.error + b.error))
+            met.margins.append(_upward(a.error + b.error))
         else:
-            margins.append(None)
+            met.margins.append(None)
         return _DECIDED
 
     def choose(_condition: Value, a: Value, b: Value) -> Value:
@@ -341,13 +365,13 @@ def _algebra(
             Operator.ADD: strict(add),
             Operator.SUBTRACT: strict(subtract),
             Operator.MULTIPLY: strict(multiply),
-            Operator.DIVIDE: strict(divide),
+            Operator.DIVIDE: divide,
             Operator.NEGATE: strict(negate),
             Operator.ABS: strict(absolute),
             Operator.MIN: strict(least),
             Operator.MAX: strict(greatest),
             Operator.CLIP: strict(clip),
-            Operator.SQRT: strict(square_root),
+            Operator.SQRT: square_root,
             Operator.EXP: strict(exponential),
             Operator.TANH: strict(hyperbolic),
             Operator.SIGN: sign,
