@@ -1,8 +1,8 @@
 """From a sketch to files: the calls of a synthesis, readable as the table of contents.
 
 SourceText -parse-> Sketch -search-> Program -lower, render-> files
-                               |
-              oracle, environment                      everything -> manifest, plot
+                               |        -prove, analyse-> findings
+              oracle, environment                      everything -> manifest, page
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from pirlc.oracle.shipped import find_shipped
 from pirlc.oracle.train import plan as plan_training
 from pirlc.oracle.train import train_or_load
 from pirlc.oracle.training import Progress as TrainingProgress
+from pirlc.report.dossier import STAGES, Dossier, write_dossier
 from pirlc.report.manifest import Spent, asked_of, provenance, results_of
 from pirlc.report.plots import plot_search
 from pirlc.report.problems import NoSimulator, NothingFound, NothingSoSmall, error
@@ -55,13 +56,15 @@ class SynthesisResult:
     """A program with the evidence for it.
 
     `returns` are over the same unseen episodes: of the `program`, of the `emitted C`, of the
-    `oracle`, and of Algorithm 1's own result `without refinement`; empty if interrupted.
+    `oracle`, and of Algorithm 1's own result `without refinement`; empty if interrupted, as there
+    is no `dossier` then.
     """
 
     program: Program
     program_file: Path
     files: tuple[Path, ...]
     returns: Mapping[str, ReturnEstimate]
+    dossier: Dossier | None
     ending: Ending
     search_seconds: float
     warnings: tuple[Diagnostic, ...]
@@ -125,12 +128,23 @@ def synthesize(
         program_file = write_text(run.folder / f"{sketch.interface.name}.pirl", text)
         files = _emit(program, run)
         returns, ending = _evaluate(request.plan, episodes, run, search, found, oracle)
-    plot = run.folder / "search.png"
-    plot_search(search.met, program.size, returns.get("program"), returns.get("oracle"), plot)
-    run.write_manifest(results_of(environment, found, ending, spent, oracle, returns))
-    warned = (*warnings, *misfits)
+        plot = run.folder / "search.png"
+        plot_search(search.met, program.size, returns.get("program"), returns.get("oracle"), plot)
+        results = partial(results_of, environment, found, spent=spent, oracle=oracle)
+        run.write_manifest(results(ending=ending, returns=returns))
+        dossier, ending = _dossier(run, search, program, oracle, ending)
+    if ending is Ending.INTERRUPTED:
+        run.write_manifest(results(ending=ending, returns=returns))
     return SynthesisResult(
-        program, program_file, (*files, plot), returns, ending, spent.seconds, warned, oracle
+        program=program,
+        program_file=program_file,
+        files=(*files, plot, *(dossier.files if dossier else ())),
+        returns=returns,
+        dossier=dossier,
+        ending=ending,
+        search_seconds=spent.seconds,
+        warnings=(*warnings, *misfits),
+        oracle=oracle,
     )
 
 
@@ -251,3 +265,28 @@ def _evaluate(
     except KeyboardInterrupt:
         return returns, Ending.INTERRUPTED
     return returns, found.ending
+
+
+def _dossier(
+    run: Run, search: Search, program: Program, oracle: LoadedOracle | None, ending: Ending
+) -> tuple[Dossier | None, Ending]:
+    """Proofs, analysis, an unseen episode and the page; nothing if the user wants to leave."""
+    if ending is Ending.INTERRUPTED:
+        return None, ending
+
+    def tell(stage: str) -> None:
+        search.progress(stage, STAGES.index(stage), len(STAGES))
+
+    try:
+        dossier = write_dossier(
+            run.folder,
+            program,
+            search.environment,
+            oracle.oracle if oracle else None,
+            FIRST_EVALUATION_SEED,
+            tell,
+            trust=search.trust,
+        )
+    except KeyboardInterrupt:
+        return None, Ending.INTERRUPTED
+    return dossier, ending

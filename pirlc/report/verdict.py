@@ -14,33 +14,36 @@ Data = Mapping[str, Any]
 def verdict(
     returns: Data | None, verification: Data | None, analysis: Data | None, *, with_program: bool
 ) -> list[dict[str, str]]:
-    """Sentences, each with a `mark`: good, bad, open (not known), or plain (a figure, no claim)."""
+    """Sentences, each with what it is `about` and a `mark`: good, bad, open (not known), linear
+    (holds for the linearisation), or plain (a figure, no claim)."""
     if not with_program:
-        return [_said("open", "No program has been found yet.")]
+        return [_said("program", "open", "No program has been found yet.")]
     lines = [
         _of_returns(returns),
         *([] if verification is None else _of_proofs(verification["found"])),
         *([] if analysis is None else _of_loops(analysis)),
     ]
     if verification is None:
-        lines.append(_said("open", "No property has been proved: verification has not been run."))
+        lines.append(
+            _said("proofs", "open", "No property has been proved: verification has not been run.")
+        )
     return lines
 
 
-def _said(mark: str, text: str) -> dict[str, str]:
-    return {"mark": mark, "text": text}
+def _said(about: str, mark: str, text: str) -> dict[str, str]:
+    return {"about": about, "mark": mark, "text": text}
 
 
 def _of_returns(returns: Data | None) -> dict[str, str]:
     if returns is None:
-        return _said("open", "The return has not been measured on unseen episodes.")
+        return _said("returns", "open", "The return has not been measured on unseen episodes.")
     known = {subject["name"]: subject for subject in returns["subjects"]}
     program, oracle = known["program"], known.get("oracle")
     episodes = counted(program["episodes"], "unseen episode")
     text = f"Return over {episodes}: {in_interval(program)}"
     if oracle is not None:
         text += f". The oracle's: {in_interval(oracle)}"
-    return _said("plain", text + ".")
+    return _said("returns", "plain", text + ".")
 
 
 def _of_proofs(found: Data) -> Iterator[dict[str, str]]:
@@ -50,15 +53,15 @@ def _of_proofs(found: Data) -> Iterator[dict[str, str]]:
         proved = kinds.count("proved")
         text = f"Properties: {proved} of {len(kinds)} proved"
         rest = tally(kind for kind in kinds if kind != "proved")
-        yield _said(_mark(kinds), text + (f", {rest}." if rest else "."))
+        yield _said("proofs", _mark(kinds), text + (f", {rest}." if rest else "."))
     else:
-        yield _said("plain", "The program states no property to prove.")
+        yield _said("proofs", "plain", "The program states no property to prove.")
     emitted = found["emitted"]
     if emitted:
         kinds = [e["evidence"]["kind"] for e in emitted]
         words = ", ".join(f"{e['evidence']['words']} for {e['real']}" for e in emitted)
         same = "That the emitted C equals the program, for all inputs and states, is"
-        yield _said(_mark(kinds), f"{same} {words}.")
+        yield _said("emitted", _mark(kinds), f"{same} {words}.")
 
 
 def _mark(kinds: list[str]) -> str:
@@ -68,11 +71,14 @@ def _mark(kinds: list[str]) -> str:
 
 
 def _of_loops(analysis: Data) -> Iterator[dict[str, str]]:
-    loops = analysis["loops"]
-    if not loops:
+    """The loops in force at the operating point; what others are is told, but no verdict."""
+    active = {leaf["name"] for leaf in analysis["leaves"] if leaf["active"]}
+    loops = [loop for loop in analysis["loops"] if loop["leaf"] in active]
+    others = [loop for loop in analysis["loops"] if loop["leaf"] not in active]
+    if not analysis["loops"]:
         return
     stable = sum(loop["stable"] for loop in loops)
-    text = f"Linearised loops: {stable} of {len(loops)} stable"
+    text = f"Linearised loops in force at the operating point: {stable} of {len(loops)} stable"
     margins = [loop["margins"] for loop in loops if loop["margins"] is not None]
     if margins:
         least = {
@@ -80,11 +86,14 @@ def _of_loops(analysis: Data) -> Iterator[dict[str, str]]:
             for name in ("gain_up", "phase", "delay_samples")
         }
         text += (
-            f". The smallest margins: gain {_factor(least['gain_up'])}, phase "
+            f"; smallest margins: gain {_factor(least['gain_up'])}, phase "
             f"{_amount(least['phase'], 'degrees')}, delay "
             f"{_amount(least['delay_samples'], 'samples')}"
         )
-    yield _said("plain" if stable == len(loops) else "bad", text + ".")
+    if others:
+        stable_others = sum(loop["stable"] for loop in others)
+        text += f". Of leaves that are not taken there: {stable_others} of {len(others)} stable"
+    yield _said("loops", "linear" if loops and stable == len(loops) else "bad", text + ".")
 
 
 def _factor(value: float) -> str:

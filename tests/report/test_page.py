@@ -108,14 +108,18 @@ def test_the_verdict(full, reported):
     returns, proofs, emitted, loops = data["head"]["verdict"]
     assert returns["mark"] == "plain" and returns["text"].startswith("Return over 10 unseen")
     assert proofs == {
+        "about": "proofs",
         "mark": "bad",
         "text": "Properties: 1 of 3 proved, 1 refuted, 1 unknown.",
     }
     assert emitted["mark"] == "bad" and "proved for double, refuted for float" in emitted["text"]
-    assert loops["text"] == (
-        "Linearised loops: 1 of 2 stable. The smallest margins: gain unlimited, phase 47.2 "
-        "degrees, delay 5.4 samples."
-    )
+    assert loops == {
+        "about": "loops",
+        "mark": "linear",
+        "text": "Linearised loops in force at the operating point: 1 of 1 stable; smallest "
+        "margins: gain unlimited, phase 47.2 degrees, delay 5.4 samples. Of leaves that are not "
+        "taken there: 0 of 1 stable.",
+    }
 
 
 def test_what_is_refuted_is_plotted(full, reported):
@@ -195,7 +199,9 @@ def test_a_run_that_was_broken_off(run, reported):
     check_figures(page, data)
     assert data["head"]["policy"] == "pole" and data["head"]["environment"] == '"CartPole-v1"'
     assert "goes on from here" in data["head"]["state_words"]
-    assert data["head"]["verdict"] == [{"mark": "open", "text": "No program has been found yet."}]
+    assert data["head"]["verdict"] == [
+        {"about": "program", "mark": "open", "text": "No program has been found yet."}
+    ]
     assert data["search"]["tuned"] == 3
     assert sections(page) == ["search", "resources", "sketch"]
 
@@ -277,7 +283,7 @@ def test_folders_that_hold_no_run(tmp_path):
         ("candidates.jsonl", '{"stage": "tune"}\n', "it lacks 'mean_return'"),
         ("verification.json", "{", "it is not JSON"),
         ("verification.json", "{}", "it lacks 'properties'"),
-        ("analysis.json", '{"loops": [{}]}', "it lacks 'stable'"),
+        ("analysis.json", '{"leaves": [], "loops": [{}]}', "it lacks 'leaf'"),
         ("traces.json", "{}", "it lacks 'steps'"),
         ("sketch.pirl", b"\xff\xfe", "it is not UTF-8 text"),
         ("verification.json", "[" * 100_000, "it is nested too deeply"),

@@ -1,0 +1,20 @@
+"""Everything that can be proved about a program, in one call."""
+
+from __future__ import annotations
+
+from pirlc.ir.policy import Program
+from pirlc.verify.asking import DEFAULT_LIMITS, Limits
+from pirlc.verify.bounds import bounds
+from pirlc.verify.emitted.check import check_emitted
+from pirlc.verify.findings import Verification
+from pirlc.verify.properties import prove
+
+
+def verify(program: Program, limits: Limits = DEFAULT_LIMITS) -> Verification:
+    """Properties, bounds, remarks, guards, and the emitted C in both precisions."""
+    return Verification(
+        program=program.interface.name,
+        properties=prove(program, limits),
+        bounds=bounds(program, limits),
+        emitted=(check_emitted(program, "double"), check_emitted(program, "float")),
+    )
