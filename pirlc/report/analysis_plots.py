@@ -6,6 +6,7 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,74 +14,90 @@ from typing import Any
 import numpy as np
 
 from pirlc.backend.files import write_bytes
+from pirlc.report.svg import WIDTH, drawing, svg_of
 
 Data = Mapping[str, Any]
 
 _BLUE, _ORANGE, _GREEN, _RED, _GREY = "#4c72b0", "#dd8452", "#55a868", "#c44e52", "#8c8c8c"
 
 
-def plots(analysis: Data) -> dict[str, str]:
-    """Inline SVG by name ("steer-bode", "steer-nyquist", "steer-step", "steer-poles",
-    "steer-simulated"), in the order of the loops. The same data give the same text."""
-    return {name: _svg(draw, name) for name, draw in _figures(analysis)}
+MOST_LOOPS = 4
+"""Whose plots are shown on a page; the figures of all are in its tables."""
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A plot before it is drawn; `pointer` is the JSON pointer, in the analysis, to its data."""
+
+    name: str
+    title: str
+    pointer: str
+    draw: Callable[[Any], None]
+
+
+def plots(analysis: Data, most_loops: int = MOST_LOOPS) -> dict[str, tuple[str, str]]:
+    """JSON pointer and inline SVG by name ("steer-bode", "steer-nyquist", "steer-step",
+    "steer-poles", "steer-simulated"), in the order of the loops. The same data give the same text.
+
+    Of many loops those are drawn first whose leaves are taken at the operating point.
+    """
+    found = {}
+    for plot in _plots(analysis, most_loops):
+        with drawing(f"analysis-{plot.name}", 3.0, WIDTH / 2) as figure:
+            plot.draw(figure)
+            found[plot.name] = plot.pointer, svg_of(figure, f"analysis-{plot.name}", plot.title)
+    return found
 
 
 def write_plots(analysis: Data, folder: Path) -> list[Path]:
-    """The same as PNG files in a folder, which is made if it is not there."""
+    """The same of all loops as PNG files in a folder, which is made if it is not there."""
     return [
-        write_bytes(folder / f"{name}.png", _image(draw, "png"))
-        for name, draw in _figures(analysis)
+        write_bytes(folder / f"{plot.name}.png", _png(plot.draw))
+        for plot in _plots(analysis, len(analysis["loops"]))
     ]
 
 
-Draw = Callable[[Any], None]
-"""Draws on a figure."""
-
-
-def _figures(analysis: Data) -> Iterator[tuple[str, Draw]]:
+def _plots(analysis: Data, most_loops: int) -> Iterator[Plot]:
     unit = "s" if analysis["sample_time"] is not None else "steps"
     rate = "rad/s" if analysis["sample_time"] is not None else "rad/step"
-    for loop in analysis["loops"]:
-        name = _file_name(loop["leaf"])
-        yield f"{name}-bode", partial(_bode, loop=loop, rate=rate)
-        yield f"{name}-nyquist", partial(_nyquist, loop=loop)
+    active = [leaf["name"] for leaf in analysis["leaves"] if leaf["active"]]
+    numbered = list(enumerate(analysis["loops"]))
+    first = sorted(numbered, key=lambda pair: pair[1]["leaf"] not in active)[:most_loops]
+    for i, loop in sorted(first, key=lambda pair: pair[0]):
+        leaf, at = loop["leaf"], f"/loops/{i}"
+        name = _file_name(leaf)
+        bode = partial(_bode, loop=loop, rate=rate)
+        yield Plot(f"{name}-bode", f"Bode plot of {leaf}", f"{at}/response", bode)
+        nyquist = partial(_nyquist, loop=loop)
+        yield Plot(f"{name}-nyquist", f"Nyquist plot of {leaf}", f"{at}/response", nyquist)
         if loop["step"] is not None:
-            yield f"{name}-step", partial(_step, loop=loop, unit=unit)
-        yield f"{name}-poles", partial(_poles, loop=loop)
-    for response in analysis["responses"]:
+            step = partial(_step, loop=loop, unit=unit)
+            yield Plot(f"{name}-step", f"Step response of {leaf}", f"{at}/step", step)
+        poles = partial(_poles, loop=loop)
+        yield Plot(f"{name}-poles", f"Poles of {leaf}", f"{at}/poles", poles)
+    for i, response in enumerate(analysis["responses"]):
         if response["times"]:
-            name = _file_name(response["leaf"])
-            yield f"{name}-simulated", partial(_simulated, response=response, unit=unit)
+            name = f"{_file_name(response['leaf'])}-simulated"
+            title = f"{response['leaf']} predicted and simulated"
+            simulated = partial(_simulated, response=response, unit=unit)
+            yield Plot(name, title, f"/responses/{i}", simulated)
 
 
 def _file_name(leaf: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]+", "-", leaf).strip("-")
 
 
-def _image(draw: Draw, form: str, salt: str = "") -> bytes:
-    import matplotlib as mpl
+def _png(draw: Callable[[Any], None]) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.4, 4.2), layout="constrained")
     FigureCanvasAgg(figure)
-    # Nothing in the file tells when it was made: the same data give the same bytes.
-    metadata = {"Software": None} if form == "png" else {"Date": None, "Creator": None}
+    draw(figure)
     out = io.BytesIO()
-    with mpl.rc_context({"svg.hashsalt": f"pirlc {salt}", "svg.fonttype": "path"}):
-        draw(figure)
-        figure.savefig(out, format=form, dpi=130, metadata=metadata)
+    # Nothing in the file tells when it was made: the same data give the same bytes.
+    figure.savefig(out, format="png", dpi=130, metadata={"Software": None})
     return out.getvalue()
-
-
-def _svg(draw: Draw, name: str) -> str:
-    """The `svg` element alone; its ids begin with the name, so that several fit on one page."""
-    text = _image(draw, "svg", name).decode("utf-8")
-    text = text[text.index("<svg") :]
-    text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    text = re.sub(r'\bid="', f'id="{name}-', text)
-    text = re.sub(r'href="#', f'href="#{name}-', text)
-    return re.sub(r"url\(#", f"url(#{name}-", text)
 
 
 def _numbers(values: Sequence[Any]) -> Any:
@@ -110,7 +127,7 @@ def _bode(figure: Any, loop: Data, rate: str) -> None:
     margins = loop["margins"]
     title = f"L of {loop['leaf']}"
     if margins is not None:
-        title += f": {_margin_words(margins)}"
+        title += f"\n{_margin_words(margins)}"
         for key, axes, color in (
             ("phase_frequency", lower, _ORANGE),
             ("gain_up_frequency", upper, _RED),
@@ -130,6 +147,15 @@ def _bode(figure: Any, loop: Data, rate: str) -> None:
     for axes in (upper, lower):
         axes.grid(alpha=0.3, which="both")
         axes.margins(x=0.0)
+    _plain_powers(lower)
+
+
+def _plain_powers(axes: Any) -> None:
+    """Ticks of a logarithmic axis without matplotlib's formulas, which pages do not parse."""
+    from matplotlib.ticker import NullFormatter
+
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _margin_words(margins: Data) -> str:

@@ -105,7 +105,7 @@ def key(node: Node) -> Markup:
 def evidence(node: Node) -> Markup:
     """Evidence as its words, with a mark and a colour that say the same."""
     mark, kind = _MARKS[node._value["kind"]]
-    return Markup('<span class="evidence {}"><span class="mark">{}</span> {}</span>').format(
+    return Markup('<span class="evidence {}"><span class="mark">{}</span>\u00a0{}</span>').format(
         kind, mark, node["words"]
     )
 

@@ -18,6 +18,7 @@ from markupsafe import Markup
 
 from pirlc.backend.files import write_text
 from pirlc.report import node
+from pirlc.report.analysis_plots import plots as analysis_plots
 from pirlc.report.page_data import page_data
 from pirlc.report.page_plots import page_plots
 from pirlc.report.problems import DamagedFile, error
@@ -54,7 +55,9 @@ def page_text(data: Mapping[str, Any]) -> str:
     template = _environment().get_template("report.html.j2")
     try:
         plots = {name: Markup(svg) for name, svg in page_plots(data).items()}
-        return template.render(report=node.Node(data), plots=plots)
+        margins = {} if data["analysis"] is None else analysis_plots(data["analysis"])
+        drawn = [(f"/analysis{place}", Markup(svg)) for place, svg in margins.values()]
+        return template.render(report=node.Node(data), plots=plots, analysis_plots=drawn)
     except (UndefinedError, TypeError, LookupError, ValueError) as e:
         files = f"{VERIFICATION}` or `{ANALYSIS}"
         raise error(DamagedFile(files, f"it is not as pirlc writes it ({e})")) from None

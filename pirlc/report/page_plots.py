@@ -1,29 +1,21 @@
-"""The plots of a run's page, as SVG that can stand inside HTML: no fonts, scripts or links of its
-own, names of its own for what it defines, the same bytes for the same data.
-"""
+"""The plots of a run's page, by name, from its data."""
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 from pirlc.report.plots import STAGES
+from pirlc.report.svg import drawing, svg_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 Data = Mapping[str, Any]
 
 _BLACK, _BLUE, _ORANGE, _GREEN, _RED = "#222222", "#0072b2", "#d55e00", "#007a5a", "#a3123a"
 _GREY = "#777777"
-_WIDTH = 7.2
-"""Inches: the width of the text on A4."""
-
 MOST_STEPS = 1000
 """Of a trace that a plot shows; more would be a blur on paper."""
 
@@ -69,7 +61,7 @@ def counterexamples(found: Data) -> Iterator[tuple[str, str, Data]]:
 
 def _search(search: Data, program: Data | None, returns: Data | None) -> str:
     title = "Return against size of every program simulated"
-    with _drawing("search", 3.7) as figure:
+    with drawing("search", 3.7) as figure:
         axes = figure.add_subplot()
         for prefix, label, marker, color in STAGES:
             points = [p for p in search["points"] if p["stage"].startswith(prefix)]
@@ -94,12 +86,12 @@ def _search(search: Data, program: Data | None, returns: Data | None) -> str:
         axes.set_xlabel("size (nodes)")
         axes.set_ylabel("mean return")
         _legend(axes)
-        return _svg(figure, "search", title)
+        return svg_of(figure, "search", title)
 
 
 def _iterations(iterations: Sequence[Data]) -> str:
     title = "Distance to the oracle against iteration of Algorithm 1"
-    with _drawing("iterations", 3.0) as figure:
+    with drawing("iterations", 3.0) as figure:
         axes = figure.add_subplot()
         for place, stage in enumerate(iterations):
             losses = stage["distances"]
@@ -122,12 +114,12 @@ def _iterations(iterations: Sequence[Data]) -> str:
         axes.set_ylabel("distance to the oracle")
         axes.set_ylim(bottom=0.0)
         _legend(axes)
-        return _svg(figure, "iterations", title)
+        return svg_of(figure, "iterations", title)
 
 
 def _returns(subjects: Sequence[Data]) -> str:
     title = "Mean returns with their intervals"
-    with _drawing("returns", 0.7 + 0.34 * len(subjects)) as figure:
+    with drawing("returns", 0.7 + 0.34 * len(subjects)) as figure:
         axes = figure.add_subplot()
         for place, subject in enumerate(subjects):
             mean = subject["mean"]
@@ -138,7 +130,7 @@ def _returns(subjects: Sequence[Data]) -> str:
         axes.set_ylim(len(subjects) - 0.5, -0.5)
         axes.margins(x=0.1)
         axes.set_xlabel("return")
-        return _svg(figure, "returns", title)
+        return svg_of(figure, "returns", title)
 
 
 # Traces
@@ -149,7 +141,7 @@ def _traces(traces: Data) -> str:
     shown = min(traces["steps"], MOST_STEPS)
     distance = traces["distance"]
     count = len(traces["actions"]) + (distance is not None)
-    with _drawing("traces", 0.6 + 1.5 * count) as figure:
+    with drawing("traces", 0.6 + 1.5 * count) as figure:
         panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
         steps = range(shown)
         for axes, action in zip(panels, traces["actions"], strict=False):
@@ -172,7 +164,7 @@ def _traces(traces: Data) -> str:
         panels[-1].set_xlabel("step")
         panels[-1].set_xlim(0, max(1, shown - 1))
         _legend(panels[0])
-        return _svg(figure, "traces", title)
+        return svg_of(figure, "traces", title)
 
 
 def _curve(values: Sequence[float | None]) -> list[float]:
@@ -189,7 +181,7 @@ def _counterexample(replay: Data, title: str, pointer: str) -> str:
     panels = ([("reading", n) for n in readings] + [("action", n) for n in actions])[-MOST_PANELS:]
     rows = (len(panels) + 1) // 2
     name = "counterexample" + re.sub(r"\D+", "-", pointer)
-    with _drawing(name, 0.4 + 1.35 * rows) as figure:
+    with drawing(name, 0.4 + 1.35 * rows) as figure:
         grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
         for axes, (kind, what) in zip(grid.flat, panels, strict=False):
             if kind == "reading":
@@ -212,73 +204,9 @@ def _counterexample(replay: Data, title: str, pointer: str) -> str:
             axes.set_axis_off()
         for axes in grid[-1]:
             axes.set_xlabel("step")
-        return _svg(figure, name, title)
-
-
-# SVG
-
-
-_SETTINGS = {
-    "svg.fonttype": "none",
-    # Names come from the sketch: a `$` in them is no formula.
-    "text.parse_math": False,
-    "font.family": "sans-serif",
-    "font.size": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.alpha": 0.35,
-    "grid.linewidth": 0.5,
-    "axes.axisbelow": True,
-    "axes.linewidth": 0.7,
-    "legend.fontsize": 8,
-    "legend.framealpha": 0.9,
-}
-
-
-@contextmanager
-def _drawing(name: str, height: float) -> Iterator[Figure]:
-    """A figure, under settings that make its SVG depend on nothing but what is drawn."""
-    import matplotlib
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    # Nobody's own settings of matplotlib play a part.
-    own = {k: v for k, v in matplotlib.rcParamsDefault.items() if "backend" not in k}
-    settings: dict[Any, Any] = {**own, **_SETTINGS, "svg.hashsalt": name}
-    with matplotlib.rc_context(settings):
-        figure = Figure(figsize=(_WIDTH, height), layout="constrained")
-        FigureCanvasSVG(figure)
-        yield figure
+        return svg_of(figure, name, title)
 
 
 def _legend(axes: Axes) -> None:
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="best")
-
-
-def _svg(figure: Figure, name: str, title: str) -> str:
-    stream = io.BytesIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    return inline_svg(stream.getvalue().decode(), name, title)
-
-
-def inline_svg(text: str, name: str, title: str) -> str:
-    """An SVG file of matplotlib's as an element for HTML, with a title for those who cannot see it.
-
-    Prolog, metadata and its style sheet (which would reach the whole page) are left out, and its
-    ids get `name` in front, since ids are the page's.
-    """
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
-    text = re.sub(r"<defs>\s*<style.*?</style>\s*</defs>\s*", "", text, count=1, flags=re.DOTALL)
-    text = re.sub(r'\bid="', f'id="{name}-', text)
-    text = re.sub(r"url\(#", f"url(#{name}-", text)
-    text = re.sub(r'href="#', f'href="#{name}-', text)
-    text = re.sub(r"font: ([\d.]+px)[^;\"]*", r"font: \1 var(--sans)", text)
-    text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
-    label = f'role="img" aria-labelledby="{name}-title"'
-    head = f'<title id="{name}-title">{escape(title)}</title>'
-    return re.sub(
-        r"<svg ([^>]*)>", lambda svg: f"<svg {label} {svg[1]}>\n{head}", text, count=1
-    ).rstrip()

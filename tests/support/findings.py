@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 
 from pirlc.analyze.findings import (
@@ -131,8 +132,10 @@ def analysis(name: str = "pole", sensor: str = "Angle") -> Analysis:
     leaf = Leaf(
         "Torque 1", "Torque", (f"peek({sensor}, -1) > 0",), f"4 * peek(0 - {sensor}, -1)",
         (Filter(sensor, (Fraction(-4), Fraction(0))),), (Recall("Torque", Fraction(1, 2)),),
-        Fraction(0), (pid,), False, LINEARISED, {sensor: 0.25}, "abs", ("A note on 1 leaf.",),
+        Fraction(0), (pid,), False, LINEARISED, {sensor: 0.25}, "abs",
+        notes=("A note on 1 leaf.",),
     )  # fmt: skip
+    other = replace(leaf, name="Torque 2", pids=(), linear=True, active=False, notes=())
     plant = Plant(
         "pendulum at the top", Origin.IDENTIFIED, ((1.0, 0.05), (0.3, 1.0)), ((0.0,), (0.05,)),
         ((1.0, 0.0),), ((0.0,),), ("angle", "speed"), ("Torque",), (sensor,), 0.05,
@@ -165,13 +168,16 @@ def analysis(name: str = "pole", sensor: str = "Angle") -> Analysis:
         SwitchingFinding(("Torque 1", "Torque 2"), ("angle", "speed"),
                          ((Fraction(2), Fraction(0)), (Fraction(0), Fraction(1))),
                          Fraction(19, 20), PROVED),
+        SwitchingFinding(("Torque 1", "Torque 4"), ("angle",), None, Fraction(99, 100), PROVED,
+                         pieces={"Torque 1": ((Fraction(1, 3),),)}),
         SwitchingFinding(("Torque 3",), (), None, None, unknown("no such function found"),
                          ("a quadratic function", "one with 12 terms")),
     )  # fmt: skip
     responses = (
         ResponseFinding("Torque", "Torque 1", f"the setpoint of {sensor}", times,
-                        {sensor: curve}, {sensor: curve}, {sensor: 0.031}, tested(1, "step")),
+                        {sensor: curve}, {sensor: curve}, {sensor: 0.031}, tested(1, "step"),
+                        fit={sensor: 96.5}),
     )  # fmt: skip
     return Analysis(
-        name, 0.05, 0, (leaf,), plant, loops, (relay,), switching, responses, ("In 1 plane.",)
+        name, 0.05, 0, (leaf, other), plant, loops, (relay,), switching, responses, ("In 1 plane.",)
     )
