@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,9 @@ from pirlc.analyze.plants.states import Resettable, Vector
 
 _WIDTHS = 10.0 ** -np.arange(1.0, 6.5, 0.5)
 """Widths of differences to choose from, in units of max(1, |x|)."""
+
+_INSET = 0.02
+"""How far inside its range an action must rest, as a share of it."""
 
 REST = 1e-5
 """A state is at rest if a step changes none of its components by more than this, relatively."""
@@ -40,13 +42,15 @@ def find_rest(system: Resettable, state: Vector, action: Vector, identifier: str
     space: Any = system.simulator.action_space
     free = hasattr(space, "low")
     scale = np.maximum(1.0, np.abs(state))
+    # At a bound of the action there is no derivative to both sides.
     low = np.full(system.size, -np.inf)
     high = np.full(system.size, np.inf)
     start = state.copy()
     if free:
-        bounds = np.array(space.low, np.float64), np.array(space.high, np.float64)
-        # The trust region needs to begin inside.
-        start = np.concatenate([state, np.clip(action, bounds[0] + 1e-6, bounds[1] - 1e-6)])
+        ends = np.array(space.low, np.float64), np.array(space.high, np.float64)
+        inset = _INSET * np.minimum(ends[1] - ends[0], 2.0)
+        bounds = ends[0] + inset, ends[1] - inset
+        start = np.concatenate([state, np.clip(action, bounds[0] + 1e-9, bounds[1] - 1e-9)])
         low, high = np.concatenate([low, bounds[0]]), np.concatenate([high, bounds[1]])
 
     def drift(point: Vector) -> Vector:
@@ -91,7 +95,7 @@ def differences(system: Resettable, point: OperatingPoint) -> Derivatives:
         else:
             first, last = float(space.start), float(space.start + space.n - 1)
             ends = [np.concatenate(system.advance(x0, np.array([end]))) for end in (first, last)]
-            columns.append((ends[1] - ends[0]) / (last - first))
+            columns.append(_unwrapped(ends[1] - ends[0]) / (last - first))
     n = len(x0)
     jacobian = np.stack(columns, axis=1)
     ab, readings = jacobian[:n], jacobian[n:]
@@ -103,17 +107,38 @@ def differences(system: Resettable, point: OperatingPoint) -> Derivatives:
 def _best(
     system: Resettable, x0: Vector, u0: Vector, dx: Vector, du: Vector
 ) -> tuple[Vector, float]:
-    """The derivative along (dx, du) and how well it is known."""
+    """The derivative along (dx, du) and how well that of the state is known.
+
+    State and observation each have the width that suits their rounding.
+    """
+    middle = np.concatenate(system.advance(x0, u0))
 
     def at(width: float) -> Vector:
         sides = [
-            np.concatenate(system.advance(x0 + k * width * dx, u0 + k * width * du))
+            _unwrapped(
+                np.concatenate(system.advance(x0 + k * width * dx, u0 + k * width * du)) - middle
+            )
             for k in (-2.0, -1.0, 1.0, 2.0)
         ]
         slope: Vector = (sides[0] - 8.0 * sides[1] + 8.0 * sides[2] - sides[3]) / (12.0 * width)
         return slope
 
-    estimates = [at(width) for width in _WIDTHS]
-    gaps = [float(np.max(np.abs(one - other))) for one, other in pairwise(estimates)]
-    best = int(np.argmin(gaps))
-    return estimates[best], gaps[best]
+    estimates = np.array([at(width) for width in _WIDTHS])
+    gaps = np.abs(np.diff(estimates, axis=0))
+    found = np.zeros(len(middle))
+    n = len(x0)
+    error = 0.0
+    for part, resolution in ((slice(0, n), system.resolution), (slice(n, None), system.seen)):
+        size = max(1.0, float(np.max(np.abs(middle[part]), initial=0.0)))
+        worst = gaps[:, part].max(axis=1, initial=0.0) + resolution * size / _WIDTHS[:-1]
+        best = int(np.argmin(worst))
+        found[part] = estimates[best][part]
+        error = error or float(worst[best])
+    return found, error
+
+
+def _unwrapped(difference: Vector) -> Vector:
+    """What jumps by a whole turn is an angle."""
+    turns = np.round(difference / (2.0 * np.pi))
+    rest = difference - turns * 2.0 * np.pi
+    return np.where((turns != 0.0) & (np.abs(rest) < 1.0), rest, difference)

@@ -13,13 +13,15 @@ from pirlc.analyze.plants.equations import Equations, OperatingPoint, known_equa
 from pirlc.analyze.plants.identified import Rollouts, identify_plant, shortened
 from pirlc.analyze.plants.linear import from_differences, from_equations, largest_miss
 from pirlc.analyze.plants.problems import NoEquations, UnknownOperatingPoint, failure
-from pirlc.analyze.plants.states import middle_action, resettable
+from pirlc.analyze.plants.states import Resettable, Vector, middle_action, resettable
 from pirlc.analyze.plants.subject import Subject, make_simulator, sample_time, subject_of
 from pirlc.diagnostics import PirlcError
 from pirlc.ir.policy import Environment, Program
 from pirlc.semantics.policies import InterpretedPolicy
 from pirlc.simulation.environments import Simulator, check_interface, facts_of, make
 from pirlc.simulation.rollout import run_episode
+
+_EPISODES = 5
 
 AGREES = 1e-6
 """Equations are taken for the simulator's own where no checked step differs by more (relatively):
@@ -151,6 +153,23 @@ def _by_equations(
     return from_equations(subject, equations, point, sample_time(subject, simulator), miss)
 
 
+def _most_settled(
+    subject: Subject, simulator: Simulator, system: Resettable
+) -> tuple[Vector, Vector]:
+    """Of some episodes' ends the state and action at which least changes in a step."""
+    ends: list[tuple[float, Vector, Vector]] = []
+    space = simulator.action_space
+    for seed in range(_EPISODES):
+        episode = run_episode(simulator, InterpretedPolicy(subject.program), seed)
+        state = system.state()
+        last = episode.actions[-1] if hasattr(space, "low") else middle_action(space)
+        action = np.array(last, np.float64)
+        after, _ = system.advance(state, action)
+        ends.append((float(np.max(np.abs(after - state))), state, action))
+    _, state, action = min(ends, key=lambda end: end[0])
+    return state, action
+
+
 def _by_simulator(
     subject: Subject, simulator: Simulator, chosen: str | OperatingPoint | None
 ) -> Plant:
@@ -162,10 +181,8 @@ def _by_simulator(
             raise failure(UnknownOperatingPoint(name, chosen, ()))
         chosen = _point(subject, equations, chosen)
     if chosen is None:
-        episode = run_episode(simulator, InterpretedPolicy(subject.program), seed=0)
-        space = simulator.action_space
-        last = episode.actions[-1] if hasattr(space, "low") else middle_action(space)
-        chosen = find_rest(system, system.state(), np.array(last, np.float64), name)
+        state, action = _most_settled(subject, simulator, system)
+        chosen = find_rest(system, state, action, name)
     return from_differences(
         subject, differences(system, chosen), chosen, sample_time(subject, simulator)
     )

@@ -110,12 +110,20 @@ def from_equations(
     sample_time: float | None,
     miss: float,
 ) -> Plant:
+    start = np.array(point.state)
+    after = np.array(equations.step(point.state, point.action)[0], np.float64).reshape(-1)
+    drift = float(np.max(np.abs(after - start)))
     others = ", ".join(other.name for other in equations.points if other.name != point.name)
     also = f" (also known: {others})" if others else ""
-    notes = (
+    notes: tuple[str, ...] = (
         f"linearised at {point.name}{also}, by the derivatives of the equations as the environment "
         f"integrates them ({equations.source})",
     )
+    if drift > 1e-9:
+        notes += (
+            f"{point.name} is no equilibrium: a step changes the state by up to {drift:.3g}, so "
+            "the linear model is of the changes about a trajectory, and of its first step only",
+        )
     evidence = tested(
         CHECKED_STATES, f"steps of the simulator near there; the equations miss them by {miss:.1g}"
     )

@@ -19,12 +19,14 @@ class Resettable:
     """A simulator whose whole state is a vector that can be read and written.
 
     `advance(state, action) -> (state of the next step, its observation)`, both in binary64. The
-    simulator's own memory may be binary32: `resolution` is its relative rounding.
+    simulator's own numbers may be binary32: `resolution` is the relative rounding of its state,
+    `seen` that of its observations.
     """
 
     simulator: Simulator
     size: int
     resolution: float
+    seen: float
     _shape: tuple[int, ...]
     _dtype: Any
     _discrete: bool
@@ -80,7 +82,7 @@ def resettable(simulator: Simulator, identifier: str) -> Resettable:
             raise failure(NotResettable(identifier, reason))
         size, shape = own.size, own.shape
     made = Resettable(
-        simulator, size, 0.0, shape, None if discrete else space.dtype, discrete, mujoco
+        simulator, size, 0.0, 0.0, shape, None if discrete else space.dtype, discrete, mujoco
     )
     _require_memoryless(made, identifier)
     return made
@@ -105,10 +107,12 @@ def _require_memoryless(made: Resettable, identifier: str) -> None:
     except (TypeError, ValueError, AttributeError, AssertionError, IndexError) as error:
         words = f"stepping from a state that was set raised {type(error).__name__}: {error}"
         raise failure(NotResettable(identifier, words)) from error
-    if np.array_equal(after, start) and not np.any(after):
-        return
-    single = np.array_equal(after.astype(np.float32).astype(np.float64), after)
-    made.resolution = 2.0**-23 if single else 2.0**-52
+    made.resolution, made.seen = _rounding(after), _rounding(reading)
+
+
+def _rounding(numbers: Vector) -> float:
+    single = np.array_equal(numbers.astype(np.float32).astype(np.float64), numbers)
+    return 2.0**-23 if single else 2.0**-52
 
 
 def middle_action(space: Any) -> Vector:
