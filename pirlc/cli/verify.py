@@ -18,10 +18,19 @@ from pirlc.cli.session import Session, json_option, pass_session
     help="The most time for one question to z3. (There is always a limit on its work, which gives "
     "the same answer on every machine.)",
 )
+@click.option(
+    "--bounds",
+    "bounded",
+    is_flag=True,
+    help="Also the tightest bounds of each action and of its change in one step, exactly.",
+)
 @json_option
 @pass_session
-def command(session: Session, program: str, seconds: float | None) -> int:
+def command(session: Session, program: str, seconds: float | None, bounded: bool) -> int:
     """Prove the properties of PROGRAM, or show a history that violates them.
+
+    Also told: branches that no history reaches, guards that never change, jumps, divisions by zero
+    and the like, parameters without effect, guards that rounding can turn.
 
     PROGRAM is a .pirl file with nothing left to choose. The exit code is 0 if all properties are
     proved, 1 if one is refuted, 2 if one is neither.
@@ -29,17 +38,39 @@ def command(session: Session, program: str, seconds: float | None) -> int:
     source, sketch = read_sketch(session, program)
     closed = program_in(source, sketch)
 
+    from pirlc.cli.bounds_text import bounds_texts, guard_texts, placed, remark_texts
     from pirlc.cli.verification_text import exit_code, property_texts
     from pirlc.report.data import as_data
     from pirlc.verify.asking import Limits
+    from pirlc.verify.bounds import bounds
     from pirlc.verify.findings import Verification
     from pirlc.verify.problems import problems_of
     from pirlc.verify.properties import prove
+    from pirlc.verify.remarks import guard_margins, remarks
 
-    found = Verification(closed.interface.name, prove(closed, Limits(seconds=seconds)))
+    limits = Limits(seconds=seconds)
+    found = Verification(
+        closed.interface.name,
+        properties=prove(closed, limits),
+        bounds=bounds(closed, limits) if bounded else (),
+        remarks=remarks(closed, limits),
+        guards=guard_margins(closed, limits),
+    )
     if session.json:
         session.tell(problems_of(source, found.properties))
     session.say("\n".join(property_texts(source, closed, found.properties)))
+    for lines in (
+        bounds_texts(found.bounds) if bounded else (),
+        remark_texts(source, found.remarks),
+        guard_texts(source, found.guards),
+    ):
+        if text := "\n".join(lines):
+            session.say(f"\n{text}")
     code = exit_code(found)
-    session.finish({"exit_code": code, **as_data(found)})
+    data = as_data(found)
+    for remark, entry in zip(found.remarks, data["remarks"], strict=True):
+        entry.update(placed(source, remark.span))
+    for guard, entry in zip(found.guards, data["guards"], strict=True):
+        entry.update(placed(source, guard.span))
+    session.finish({"exit_code": code, **data})
     return code
