@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 
 import pytest
 
+from pirlc.backend import c_expressions
 from tests.support.command_line import POLE, ROOT
+from tests.support.planted import plant
 
 HAS_CC = any(shutil.which(name) for name in ("cc", "gcc", "clang"))
 
@@ -56,16 +59,31 @@ def test_explain(pirlc):
 def test_emit_writes_the_same_files_each_time(pirlc, here):
     outcome = pirlc("emit", "pole.pirl", "-o", "a/b")
     assert outcome.code == 0
-    names = [line.removeprefix("wrote a/b/") for line in outcome.out.splitlines()]
+    *lines, compared = outcome.out.splitlines()
+    names = [line.removeprefix("wrote a/b/") for line in lines]
     assert names == ["pole.h", "pole.c", "pole.py"]
+    assert re.fullmatch(r"emitted C = program: proved \(\d+\.\d\d s\)", compared)
     pirlc("emit", "pole.pirl", "-o", "second")
     for name in names:
         assert (here / "a" / "b" / name).read_bytes() == (here / "second" / name).read_bytes()
 
 
+def test_emit_writes_no_c_that_is_not_the_program(pirlc, here, monkeypatch):
+    plant(monkeypatch, c_expressions, "chosen", "{consequent.at(NEGATION)} : {last}", "0 : {last}")
+    outcome = pirlc("emit", "pole.pirl", "--target", "c", "-o", "o", "--json")
+    assert (outcome.code, outcome.codes) == (1, ["E0915"])
+    assert not (here / "o").exists()
+    # Python is another matter.
+    assert pirlc("emit", "pole.pirl", "--target", "python", "-o", "o").out == "wrote o/pole.py\n"
+
+
 def test_emit_of_one_target_in_float(pirlc, here):
     outcome = pirlc("emit", "pole.pirl", "--target", "c", "--real", "float", "-o", "o", "--json")
     assert outcome.data["files"] == ["o/pole.h", "o/pole.c"]
+    emitted = outcome.data["emitted"]
+    assert (emitted["real"], emitted["evidence"]["words"]) == ("float", "proved")
+    assert emitted["differences"] == []
+    assert "action Push" in emitted["compared"]
     assert "typedef float pole_real;" in (here / "o" / "pole.h").read_text()
 
 

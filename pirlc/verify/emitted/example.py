@@ -11,17 +11,25 @@ import random
 
 from pirlc.backend.c import CPrinter
 from pirlc.backend.numbers import PRECISIONS, RealType
-from pirlc.ir.policy import Program
+from pirlc.ir.policy import Hold, Program
 from pirlc.semantics.interpreter import initial_state, step
 from pirlc.semantics.precision import widened
 from pirlc.verify.emitted.check import Loaded, defaults, load
-from pirlc.verify.emitted.graph import Graph, Integer, LimitReached, Node, NotUnderstood, Real
+from pirlc.verify.emitted.graph import (
+    Graph,
+    Integer,
+    LimitReached,
+    Node,
+    NotUnderstood,
+    Real,
+    Undefined,
+)
 from pirlc.verify.emitted.machine import Machine
 from pirlc.verify.emitted.memory import Array, Memory
 from pirlc.verify.emitted.relation import INPUT, OUTPUT, STATE, blank
 from pirlc.verify.findings import Difference
 
-RUNS, STEPS = 12, 24
+RUNS, STEPS = 12, 14
 
 
 def example_of(
@@ -34,7 +42,7 @@ def example_of(
         parameters = defaults(graph, loaded)
         for run in range(RUNS):
             rng = random.Random(run)
-            rows = [_observation(program, rng, run) for _ in range(STEPS)]
+            rows = _observations(program, rng, run)
             found = _compared(program, graph, loaded, parameters, printer, real, rows)
             if found is not None:
                 return found
@@ -43,20 +51,27 @@ def example_of(
     return None
 
 
-def _observation(program: Program, rng: random.Random, run: int) -> dict[str, float]:
-    """Readings of a step: good ones at first, later also missing and strange ones."""
-    readings = {}
+def _observations(program: Program, rng: random.Random, run: int) -> list[dict[str, float]]:
+    """Readings of each step: good ones in the first run, later also missing and strange ones,
+    for a while at a time."""
+    columns = {}
     for sensor in program.interface.sensors:
         low, high = widened(sensor.lower, sensor.upper)
         low, high = max(low, -1e30), min(high, 1e30)
-        value = low + (high - low) * rng.random()
-        if rng.random() < 0.15:
-            value = rng.choice([low, high, (low + high) / 2, 0.0])
-        if run % 3 and rng.random() < 0.3:
-            strange = [math.nan, math.inf, -math.inf, low - (high - low), high + 1.0, -0.0, 1e300]
-            value = rng.choice([math.nan, math.nan, *strange])
-        readings[sensor.name] = value
-    return readings
+        strange = [math.inf, -math.inf, low - (high - low), high + 1.0, 1e300]
+        limit = sensor.missing.limit if isinstance(sensor.missing, Hold) else None
+        longest = 2 + min(limit or 0, STEPS)
+        column: list[float] = []
+        while len(column) < STEPS:
+            if run and rng.random() < 0.3:
+                kind = math.nan if rng.random() < 0.5 else rng.choice(strange)
+                column += [kind] * rng.randint(1, longest)
+            elif rng.random() < 0.2:
+                column.append(rng.choice([low, high, (low + high) / 2, 0.0, -0.0]))
+            else:
+                column.append(low + (high - low) * rng.random())
+        columns[sensor.name] = column
+    return [{name: column[i] for name, column in columns.items()} for i in range(STEPS)]
 
 
 def _compared(
@@ -87,7 +102,12 @@ def _compared(
             reading = precision.round(row[sensor.name])
             held[INPUT, printer.inputs[sensor.name]] = graph.real(reading, precision)
         machine = Machine(graph, unit, held)
-        status = machine.run(forward, loaded.objects())
+        told = ", ".join(f"{name} {value!r}" for name, value in row.items())
+        when = f"step {number} after reset" + (f" at {told}" if told else "")
+        try:
+            status = machine.run(forward, loaded.objects())
+        except Undefined as reason:
+            return Difference(when, f"no meaning: {reason}", "")
         memory = machine.memory
         emitted = {"status": _number(status)}
         expected: dict[str, float] = {"status": result.status}
@@ -99,9 +119,7 @@ def _compared(
             expected[f"flags of {sensor.name}"] = flags
         for part, value in expected.items():
             if repr(emitted[part]) != repr(value):
-                readings = ", ".join(f"{name} {value!r}" for name, value in row.items())
-                at = f"{part}, step {number} after reset" + (f" at {readings}" if readings else "")
-                return Difference(at, repr(emitted[part]), repr(value))
+                return Difference(f"{part}, {when}", repr(emitted[part]), repr(value))
     return None
 
 

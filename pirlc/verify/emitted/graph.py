@@ -46,6 +46,10 @@ class NotUnderstood(Exception):
     """What the C does is outside what is modelled; the argument says what."""
 
 
+class Undefined(NotUnderstood):
+    """C gives it no meaning, should it come to it."""
+
+
 @dataclass(eq=False, slots=True)
 class Real:
     """A constant of a format; all NaNs are one."""
@@ -440,7 +444,7 @@ class Graph:
             assert isinstance(left, Integer) and isinstance(right, Integer)
             result = change(left.value, right.value)
             if result is None:
-                raise NotUnderstood("an integer operation that overflows")
+                raise Undefined("an integer operation that overflows")
             return self.integer(result)
         ring, count = rings[0].ring, len(rings[0].values)
         if any(other.ring != ring for other in rings):

@@ -24,6 +24,7 @@ from pirlc.verify.emitted.graph import (
     Node,
     NotUnderstood,
     Places,
+    Undefined,
     Unset,
     describe,
 )
@@ -66,14 +67,8 @@ _RANKS = (
     CType.LONG_LONG,
     CType.UNSIGNED_LONG_LONG,
 )
-_INTEGER_SUFFIXES = {
-    "": CType.INT,
-    "u": CType.UNSIGNED,
-    "l": CType.LONG,
-    "ul": CType.UNSIGNED_LONG,
-    "ll": CType.LONG_LONG,
-    "ull": CType.UNSIGNED_LONG_LONG,
-}
+_INTEGER_SUFFIXES = {"": 0, "u": 1, "l": 2, "ul": 3, "ll": 4, "ull": 5}
+"""The least rank of a constant's type; the next of its kind is taken where the value needs it."""
 
 Typed = tuple[CType, Node]
 
@@ -188,7 +183,8 @@ class Machine:
         if type(target).__name__ == "ArrayRef":
             place = self._place(target.name)
             array = self.memory[place.key]
-            assert isinstance(array, Array)
+            if not isinstance(array, Array):
+                raise NotUnderstood(f"an index of {place.key[1]}")
             index = self._index(target.subscript)
             node = self._converted(value, place.type)
             self.memory[place.key] = array.written(index, node, place.key[1])
@@ -311,28 +307,26 @@ class Machine:
         if isinstance(held, Array):
             raise NotUnderstood(f"the array {place.key[1]} as a value")
         if isinstance(held, Unset) or (isinstance(held, Choice) and held.unset):
-            raise NotUnderstood(f"{place.key[1]} is read before it is set")
+            raise Undefined(f"{place.key[1]} is read before it is set")
         return place.type, held
 
     def _constant(self, text: str) -> Typed:
         lower = text.lower()
-        hexadecimal = lower.startswith("0x")
-        if not hexadecimal and any(c in lower for c in ".e"):
+        if not lower.startswith("0x") and any(c in lower for c in ".e"):
             if lower.endswith("f"):
                 return CType.FLOAT, self.graph.real(decimal(lower[:-1], BINARY32), BINARY32)
             if lower.endswith("l"):
                 raise NotUnderstood(f"the constant {text}")
             return CType.DOUBLE, self.graph.real(decimal(lower, BINARY64), BINARY64)
         digits = lower.rstrip("ul")
-        type_ = _INTEGER_SUFFIXES.get(lower[len(digits) :].replace("lu", "ul"))
-        if type_ is None or not (hexadecimal or digits.isdigit()):
+        least = _INTEGER_SUFFIXES.get(lower[len(digits) :])
+        if least is None or not digits.isdigit() or (len(digits) > 1 and digits[0] == "0"):
             raise NotUnderstood(f"the constant {text}")
-        octal = len(digits) > 1 and digits.startswith("0") and not hexadecimal
-        try:
-            value = int(digits, 8 if octal else 0)
-        except ValueError:
-            raise NotUnderstood(f"the constant {text}") from None
-        return type_, self._fitting(self.graph.integer(value), type_)
+        value = int(digits)
+        for type_ in _RANKS[least::2]:
+            if value <= LEAST_RANGE[type_][1]:
+                return type_, self.graph.integer(value)
+        raise NotUnderstood(f"the constant {text}")
 
     def _unary(self, node: Any) -> Typed:
         type_, inner = self.value(node.expr)

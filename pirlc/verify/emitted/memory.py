@@ -11,6 +11,7 @@ from pirlc.verify.emitted.graph import (
     Node,
     NotUnderstood,
     Places,
+    Undefined,
     Unset,
     describe,
 )
@@ -41,13 +42,13 @@ class Array:
     def read(self, index: Node, name: str) -> Node:
         node = self.cells[self._place(index, name)]
         if isinstance(node, Unset) or (isinstance(node, Choice) and node.unset):
-            raise NotUnderstood(f"{name} is read before it is set")
+            raise Undefined(f"{name} is read before it is set")
         return node
 
     def written(self, index: Node, value: Node, name: str) -> Array:
         if self.ring and isinstance(index, Integer):
             if not 0 <= index.value < len(self.cells):
-                raise NotUnderstood(f"the index {index.value} is outside of {name}")
+                raise Undefined(f"the index {index.value} is outside of {name}")
             pending = {**dict(self.pending), index.value: value}
             if len(pending) < len(self.cells):
                 return replace(self, pending=tuple(pending.items()))
@@ -68,11 +69,11 @@ class Array:
         match index:
             case Integer(_, value) if not self.ring:
                 if not 0 <= value < count:
-                    raise NotUnderstood(f"the index {value} is outside of {name}")
+                    raise Undefined(f"the index {value} is outside of {name}")
                 return value
             case Places(_, ring, values) if ring == self.ring:
                 if any(value is None or not 0 <= value < count for value in values):
-                    raise NotUnderstood(f"an index outside of {name}")
+                    raise Undefined(f"an index outside of {name}")
                 distances = {
                     (value - head) % count for head, value in enumerate(values) if value is not None
                 }
