@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pirlc.analyze.findings import Check, Margins
 from pirlc.analyze.realisation import Complex, Real, Realisation, angles
@@ -45,7 +46,7 @@ def checks_of(
             min(delay, _first_whole(loop, found)),
         ),
     ]
-    grid = np.concatenate([[0.0], angles(loop, 4000)])
+    grid = np.concatenate([[0.0], angles(loop, 3000)])
     peaks: tuple[tuple[str, float, Callable[[Complex], Complex]], ...] = (
         ("disk margin", 1.0 / found.disk, lambda v: 0.5 * (1.0 - v) / (1.0 + v)),
         ("sensitivity peak", found.sensitivity_peak, lambda v: 1.0 / (1.0 + v)),
@@ -72,24 +73,24 @@ def _check(figure: str, value: float, by: str, again: float, limit: float = math
     return Check(figure, value, by, again, difference, TOLERANCE)
 
 
-def _unstable(loop: Realisation, factor: complex) -> int:
+def _outside(numbers: Complex) -> NDArray[np.int_]:
     """How many eigenvalues are outside the unit circle."""
-    return int(np.count_nonzero(np.abs(loop.closed(factor)) > 1.0))
+    return np.asarray(np.count_nonzero(np.abs(numbers) > 1.0, axis=-1))
 
 
-def _edges(count: Callable[[float], int], points: Real) -> list[float]:
-    """Where a count changes along ascending points, each bisected to the last digit."""
-    counts = [count(float(point)) for point in points]
+def _edges(loop: Realisation, gain: Callable[[Real], Complex], points: Real) -> list[float]:
+    """Where the number of eigenvalues outside changes along ascending points, to the last digit."""
+    if not len(points):
+        return []
+    counts = _outside(loop.closed_at(gain(points)))
     edges = []
-    for i in range(len(points) - 1):
-        if counts[i] == counts[i + 1]:
-            continue
+    for i in np.flatnonzero(counts[1:] != counts[:-1]):
         low, high, before = float(points[i]), float(points[i + 1]), counts[i]
         for _ in range(200):
             middle = 0.5 * (low + high)
             if not low < middle < high:
                 break
-            if count(middle) == before:
+            if _outside(loop.closed(complex(gain(np.array([middle]))[0]))) == before:
                 low = middle
             else:
                 high = middle
@@ -106,9 +107,17 @@ def _gain_edges(loop: Realisation, factors: list[float]) -> tuple[float, float]:
     """The first gains above and below 1 at which the loop is no longer stable."""
     wide = np.geomspace(1.0 / _LARGEST_GAIN, _LARGEST_GAIN, 301)
     points = np.unique(np.concatenate([wide, [1.0], _around([k for k in factors if k > 0.0])]))
-    above = _edges(lambda k: _unstable(loop, k), points[points >= 1.0])
-    below = _edges(lambda k: _unstable(loop, k), points[points <= 1.0])
+    above = _edges(loop, _as_complex, points[points >= 1.0])
+    below = _edges(loop, _as_complex, points[points <= 1.0])
     return (above[0] if above else math.inf), (below[-1] if below else 0.0)
+
+
+def _as_complex(gains: Real) -> Complex:
+    return gains.astype(np.complex128)
+
+
+def _turned(lags: Real) -> Complex:
+    return np.asarray(np.exp(-1j * lags), dtype=np.complex128)
 
 
 def _rotation_edges(loop: Realisation, lags: list[float]) -> tuple[float, float]:
@@ -122,14 +131,11 @@ def _rotation_edges(loop: Realisation, lags: list[float]) -> tuple[float, float]
     points = np.unique(np.concatenate([np.linspace(1e-9, full - 1e-9, 241), _around(hints)]))
     points = points[(points > 0.0) & (points < full)]
 
-    def turned(phi: float) -> complex:
-        return complex(np.exp(-1j * phi))
-
     # Rotated loops are complex: those eigenvalues count that a positive frequency would have.
-    edges = _edges(lambda phi: _unstable(loop, turned(phi)), points)
+    edges = _edges(loop, _turned, points)
     phase, delay = math.inf, math.inf
     for phi in edges:
-        numbers = loop.closed(turned(phi))
+        numbers = loop.closed(complex(np.exp(-1j * phi)))
         theta = float(np.angle(numbers[np.argmin(np.abs(np.abs(numbers) - 1.0))]))
         phase = min(phase, phi, full - phi)
         if theta > 0.0:
@@ -140,7 +146,7 @@ def _rotation_edges(loop: Realisation, lags: list[float]) -> tuple[float, float]
 def _first_whole(loop: Realisation, found: Margins) -> float:
     """The first whole delay, up to the margin, with which an eigenvalue is outside."""
     last = math.floor(min(found.delay_samples, _MOST_WHOLE_DELAYS))
-    unstable = (n for n in range(1, last + 1) if _unstable(_delayed(loop, n), 1.0))
+    unstable = (n for n in range(1, last + 1) if _outside(_delayed(loop, n).closed()))
     return next(unstable, math.inf)
 
 

@@ -130,7 +130,7 @@ def peak(system: Realisation) -> tuple[float, float]:
     for _ in range(20):
         best = _climb(system, best)
         level = best[0] * (1.0 + 1e-7)
-        crossings = gain_crossings(system, level)
+        crossings = gain_crossings(system, level, 300)
         if not crossings:
             break
         points = np.array([0.0, *crossings, np.pi])

@@ -38,7 +38,7 @@ class Realisation:
 
     def at(self, z: Complex) -> Complex:
         """L at points z (any shape); where z is a pole, nan or a huge number."""
-        return self.c @ self._solved(z) + self.d
+        return self.c.astype(np.complex128) @ self._solved(z) + self.d
 
     def with_slope(self, z: complex) -> tuple[complex, complex]:
         """L and dL/dz at one point."""
@@ -52,6 +52,13 @@ class Realisation:
         factor = gain / (1.0 + gain * self.d)
         changed = self.a - factor * np.outer(self.b, self.c)
         return np.asarray(np.linalg.eigvals(changed), dtype=np.complex128)
+
+    def closed_at(self, gains: Complex) -> Complex:
+        """The same for many gains (N,) at once: (N, n)."""
+        factors = gains / (1.0 + gains * self.d)
+        changed = self.a - factors[:, None, None] * np.outer(self.b, self.c)
+        numbers = np.linalg.eigvals(changed if np.any(changed.imag) else changed.real)
+        return np.asarray(numbers, dtype=np.complex128)
 
     @cached_property
     def poles(self) -> Complex:
@@ -89,11 +96,11 @@ def angles(realisation: Realisation, count: int = 1200) -> Real:
     return np.asarray(whole[(whole > 0.0) & (whole <= np.pi)], dtype=np.float64)
 
 
-def gain_crossings(realisation: Realisation, level: float = 1.0) -> list[float]:
+def gain_crossings(realisation: Realisation, level: float = 1.0, count: int = 1200) -> list[float]:
     """The angles in (0, pi] where |L| = level.
 
     They are zeros of level^2 - L(z) L(1/z), which are eigenvalues of a pencil, and sign changes on
-    a grid; each is then refined by Newton's method.
+    a grid of about `count` angles; each is then refined.
     """
     a, b, c, d = realisation.a, realisation.b[:, None], realisation.c[None, :], realisation.d
     n = len(realisation.b)
@@ -112,7 +119,11 @@ def gain_crossings(realisation: Realisation, level: float = 1.0) -> list[float]:
 
     with np.errstate(all="ignore"):
         return _refined(
-            realisation, _on_circle(left, right), size, lambda v: np.log(abs(v) / level)
+            realisation,
+            _on_circle(left, right),
+            size,
+            lambda values: np.log(np.abs(values) / level),
+            angles(realisation, count),
         )
 
 
@@ -130,7 +141,13 @@ def phase_crossings(realisation: Realisation) -> list[float]:
         return value.imag / abs(value), float((slope * 1j * z).imag) / abs(value)
 
     with np.errstate(all="ignore"):
-        found = _refined(realisation, _on_circle(left, right), height, lambda v: v.imag / abs(v))
+        found = _refined(
+            realisation,
+            _on_circle(left, right),
+            height,
+            lambda v: v.imag / np.abs(v),
+            angles(realisation),
+        )
         # Always real there, and no change of sign.
         found = [0.0, *(theta for theta in found if 1e-9 < theta < np.pi - 1e-9), np.pi]
         values = realisation.at(np.exp(1j * np.array(found)))
@@ -156,6 +173,7 @@ def _refined(
     starts: list[float],
     function: Height,
     values: Callable[[Complex], Real],
+    grid: Real,
 ) -> list[float]:
     """Roots of a function of the angle, from starts and from sign changes on a grid."""
     from scipy.optimize import brentq
@@ -165,7 +183,6 @@ def _refined(
         root = _newton(theta, function)
         if root is not None:
             found.append(root)
-    grid = angles(realisation)
     heights = values(realisation.at(np.exp(1j * grid)))
     found += [
         float(brentq(lambda t: function(t)[0], grid[i], grid[i + 1], xtol=1e-15))
