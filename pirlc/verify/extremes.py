@@ -18,6 +18,7 @@ from pirlc.ir.evidence import PROVED, Evidence, unknown
 from pirlc.ir.policy import Continuous
 from pirlc.semantics.precision import BINARY64
 from pirlc.symbolic import z3_terms as exact
+from pirlc.symbolic.z3_form import GuardKey
 from pirlc.symbolic.z3_terms import Real, Term, Truth
 from pirlc.verify.asking import Limits
 from pirlc.verify.exact import NotRational
@@ -48,9 +49,17 @@ class Supremum:
 
 
 def supremum(
-    model: Model, term: Real, where: Sequence[Truth], measure: Measure, limits: Limits
+    model: Model,
+    term: Real,
+    where: Sequence[Truth],
+    measure: Measure,
+    limits: Limits,
+    turning: GuardKey | None = None,
 ) -> Supremum:
-    """The supremum of a linear term (with choices) over a model's histories."""
+    """The supremum of a linear term (with choices) over a model's histories.
+
+    `turning` is the guard on whose boundary they are, if they are on one.
+    """
     solver = limited(model, limits)
     solver.add(*(exact.as_term(w, model.context) for w in where))
     value, evidence = _value(model, solver, term, where, limits)
@@ -59,7 +68,8 @@ def supremum(
     attained, reached = _reached(solver, term, value)
     if reached is None:
         return Supremum(None, False, unknown("z3's optimiser and its solver disagree"), None)
-    trial = _clear_of_guards(model, solver, term, value, reached, measure)
+    rooms = [_settled(model, room, turning, idle=idle) for room in _ROOMS for idle in (True, False)]
+    trial = _clear_of_guards(model, solver, term, value, reached, measure, rooms)
     return Supremum(value, attained, PROVED, trial)
 
 
@@ -147,6 +157,7 @@ def _clear_of_guards(
     value: Fraction,
     reached: z3.ModelRef,
     measure: Measure,
+    rooms: Sequence[Sequence[Term]],
 ) -> Trial | None:
     """A history of floats that comes within `CLOSE`; None if none was found."""
     trial = trial_of(model, reached)
@@ -155,8 +166,8 @@ def _clear_of_guards(
     if isinstance(term, Fraction):
         return None
     near = term > exact.number(value - CLOSE / 2, model.context)
-    for room in _ROOMS:
-        found = _model_of(solver, near, *settled(model, room))
+    for clear in rooms:
+        found = _model_of(solver, near, *clear)
         if found is not None and _near(trial := trial_of(model, found), value, measure):
             return trial
     return None
@@ -169,18 +180,20 @@ def _near(trial: Trial, value: Fraction, measure: Measure) -> bool:
         return False
 
 
-def settled(model: Model, room: Fraction) -> list[Term]:
-    """No guard that counts is nearer to turning than `room`, no reading (but one at an end of its
-    range) to the end."""
+def _settled(model: Model, room: Fraction, turning: GuardKey | None, *, idle: bool) -> list[Term]:
+    """No guard is nearer to turning than `room`, but the one that is `turning`, and those that do
+    not count if they may be `idle`."""
     conditions = []
     for step in model.steps:
         for records in step.records.values():
             for guard in records.guards:
-                if guard.discrete:
+                if guard.discrete or guard.key in (None, turning):
                     continue
                 apart = exact.absolute(exact.subtract(guard.a, guard.b))
-                idle = exact.negation(exact.conjunction((guard.path, guard.defined)))
-                settles = exact.disjunction((idle, exact.at_most(room, apart)))
+                settles = exact.at_most(room, apart)
+                if idle:
+                    counts = exact.conjunction((guard.path, guard.defined))
+                    settles = exact.disjunction((exact.negation(counts), settles))
                 conditions.append(exact.as_term(settles, model.context))
     return conditions
 

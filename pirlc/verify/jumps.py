@@ -46,7 +46,7 @@ def jump(program: Program, model: Model, action: str, limits: Limits) -> Iterato
         return
     undecided = [j for j in jumps if j.found.evidence.kind is not Kind.PROVED]
     decided = [j for j in jumps if j.found.evidence.kind is Kind.PROVED]
-    largest = max(decided, key=lambda j: j.found.value or Fraction(0), default=None)
+    largest = max(decided, key=_size, default=None)
     if undecided:
         first = undecided[0]
         text = f"how far raw({action}) jumps where `{first.guard}` turns is not known"
@@ -68,6 +68,10 @@ def jump(program: Program, model: Model, action: str, limits: Limits) -> Iterato
     size = Extreme(found.value, found.attained, found.evidence, witness)
     text = f"raw({action}) jumps by up to {float(found.value):.9g} where `{largest.guard}` turns"
     yield Remark(Matter.JUMP, text, found.evidence, False, largest.span, size, witness)
+
+
+def _size(jump: Jump) -> tuple[Fraction, bool]:
+    return jump.found.value or Fraction(0), jump.found.attained
 
 
 def _jumps(model: Model, action: str, limits: Limits) -> Iterator[Jump]:
@@ -136,7 +140,7 @@ def _largest(
         term = z3.simplify(a - b)
         if z3.is_rational_value(term):
             term = exact.fraction(term)
-        found = supremum(model, term, where, measure, limits)
+        found = supremum(model, term, where, measure, limits, key)
         if found.evidence.kind is not Kind.PROVED:
             return found
         if best is None or (found.value or 0) > (best.value or 0):
