@@ -50,8 +50,9 @@ def command(
 ) -> None:
     """Write PROGRAM, a .pirl file with nothing left to choose, as C, Python or a TORCS robot."""
     from pirlc.backend.emit import emit, write
+    from pirlc.cli.emitted_text import in_words
     from pirlc.report.data import as_data
-    from pirlc.verify.emitted.gate import compared, in_words
+    from pirlc.verify.emitted.gate import compared
 
     closed = read_program(session, program)
     files = emit(closed, targets, real)

@@ -21,8 +21,12 @@ REFUTED, UNDECIDED = 1, 2
 
 
 def exit_code(found: Verification) -> int:
-    """0: every property is proved, of what runs too; 1: one is refuted; 2: one is undecided."""
+    """0: every property is proved, of what runs too; 1: one is refuted; 2: one is undecided.
+
+    Where the emitted C was compared, that counts as one more.
+    """
     kinds = {evidence.kind for finding in found.properties for evidence in _statements(finding)}
+    kinds |= {finding.evidence.kind for finding in found.emitted}
     if Kind.REFUTED in kinds:
         return REFUTED
     return UNDECIDED if kinds - {Kind.PROVED} else 0

@@ -24,25 +24,35 @@ from pirlc.cli.session import Session, json_option, pass_session
     is_flag=True,
     help="Also the tightest bounds of each action and of its change in one step, exactly.",
 )
+@click.option(
+    "--emitted",
+    is_flag=True,
+    help="Also whether the C that is emitted for it is the program, in both precisions.",
+)
 @json_option
 @pass_session
-def command(session: Session, program: str, seconds: float | None, bounded: bool) -> int:
+def command(
+    session: Session, program: str, seconds: float | None, bounded: bool, emitted: bool
+) -> int:
     """Prove the properties of PROGRAM, or show a history that violates them.
 
     Also told: branches that no history reaches, guards that never change, jumps, divisions by zero
     and the like, parameters without effect, guards that rounding can turn.
 
     PROGRAM is a .pirl file with nothing left to choose. The exit code is 0 if all properties are
-    proved, 1 if one is refuted, 2 if one is neither.
+    proved (and the emitted C, if it is asked for), 1 if one is refuted, 2 if one is neither.
     """
     source, sketch = read_sketch(session, program)
     closed = program_in(source, sketch)
 
+    from pirlc.backend.numbers import PRECISIONS
     from pirlc.cli.bounds_text import bounds_texts, guard_texts, placed, remark_texts
+    from pirlc.cli.emitted_text import emitted_problems, emitted_texts
     from pirlc.cli.verification_text import exit_code, property_texts
     from pirlc.report.data import as_data
     from pirlc.verify.asking import Limits
     from pirlc.verify.bounds import bounds
+    from pirlc.verify.emitted import check_emitted
     from pirlc.verify.findings import Verification
     from pirlc.verify.problems import problems_of
     from pirlc.verify.properties import prove
@@ -55,14 +65,18 @@ def command(session: Session, program: str, seconds: float | None, bounded: bool
         bounds=bounds(closed, limits) if bounded else (),
         remarks=remarks(closed, limits),
         guards=guard_margins(closed, limits),
+        emitted=tuple(check_emitted(closed, real) for real in PRECISIONS) if emitted else (),
     )
+    policy = closed.interface.name
     if session.json:
         session.tell(problems_of(source, found.properties))
+        session.tell(emitted_problems(policy, found.emitted))
     session.say("\n".join(property_texts(source, closed, found.properties)))
     for lines in (
         bounds_texts(found.bounds) if bounded else (),
         remark_texts(source, found.remarks),
         guard_texts(source, found.guards),
+        emitted_texts(policy, found.emitted),
     ):
         if text := "\n".join(lines):
             session.say(f"\n{text}")

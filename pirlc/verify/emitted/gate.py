@@ -30,7 +30,3 @@ def compared(
         raise error(NotTheProgram(program.interface.name, finding))
     return finding
 
-
-def in_words(finding: EmittedFinding) -> str:
-    """One line for people."""
-    return f"emitted C = program: {finding.evidence} ({finding.seconds:.2f} s)"
