@@ -25,7 +25,16 @@ from pirlc.ir.controller import (
 from pirlc.ir.operators import Operator
 from pirlc.ir.policy import Choice, Continuous, Hold
 
-_SIZES = {"double": 8, "float": 4, "int": 4, "long": 8, "long long": 8, "unsigned": 4}
+_SIZES = {
+    "double": 8,
+    "float": 4,
+    "int": 4,
+    "long": 8,
+    "long long": 8,
+    "unsigned": 4,
+    "unsigned long": 8,
+    "unsigned long long": 8,
+}
 """Bytes, and alignment, on the usual 64-bit machines; `unsigned char` takes 1."""
 
 
