@@ -114,7 +114,7 @@ def describe(problem: Problem) -> Diagnostic:
                 "E0923",
                 f"{place}: {output} answers {input_} in the same step",
                 notes=("a program takes its readings before it acts: D must be zero",),
-                help="where the reading is of the step before, add a delay of one step to the plant",
+                help="where the reading is of the step before, add that delay to the plant",
             )
         case BadPoint(given, reason, similar):
             return Diagnostic(

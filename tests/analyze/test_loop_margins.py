@@ -1,4 +1,4 @@
-"""Margins: textbook loops, closed formulas, 200 random loops each figure of which is found twice."""
+"""Margins: textbook loops, closed formulas, 200 random loops with each figure found twice."""
 
 from __future__ import annotations
 
