@@ -24,10 +24,10 @@ from pirlc.verify.trials import trials_of
 @dataclass(frozen=True)
 class Limits:
     """`work` is z3's own measure of what one question may cost, so that the same question gets the
-    same answer; a million is a second or less. `seconds` (None: no limit) depends on the machine.
+    same answer; a million is a few seconds. `seconds` (None: no limit) depends on the machine.
     `tests` is the number of histories that undecided properties are tried on."""
 
-    work: int = 20_000_000
+    work: int = 2_000_000
     seconds: float | None = None
     tests: int = 10_000
 
@@ -75,6 +75,8 @@ def ask(asked: Question, claim: Property, limits: Limits, precision: Precision) 
             return Undecided(_reason(solver, limits))
         case _:
             pass
+    # What makes a counterexample a good one is worth less than knowing that there is one.
+    solver.set("rlimit", max(1, limits.work // 10))
     for trial in _models(solver, asked):
         found = replayed(model.program, claim, trial, precision)
         if found is not None:

@@ -23,11 +23,15 @@ from pirlc.verify.asking import (
 )
 from pirlc.verify.claims import question
 from pirlc.verify.model import ORDINARY, Circumstances, Perturbation, unroll
+from pirlc.verify.ranges import running_ranges
 from pirlc.verify.rounding import rounding
 from pirlc.verify.trials import random_trials
 
 LARGEST = 100_000
 """Operations that a model may have, over all its steps."""
+
+_MOST_OPERATIONS = 500_000_000
+"""Those of all tests together, a few seconds' worth."""
 
 
 def answer_to(
@@ -48,11 +52,12 @@ def answer_to(
         answer = ask(asked, claim, limits, BINARY64)
     if not isinstance(answer, Undecided) or circumstances != ORDINARY:
         return answer
-    for trial in random_trials(program, claim, limits.tests):
+    count = min(limits.tests, _MOST_OPERATIONS // size)
+    for trial in random_trials(program, claim, count) if count else ():
         found = replayed(program, claim, trial, BINARY64)
         if found is not None:
             return found
-    return Undecided(f"{answer.reason}; not violated on {limits.tests:,} histories")
+    return Undecided(f"{answer.reason}; not violated on {count:,} histories")
 
 
 def evidence_of(answer: Answer) -> Evidence:
@@ -77,7 +82,11 @@ def perturbation(program: Program, precision: Precision) -> Perturbation:
         for number, margin in enumerate(margins)
         if margin is not None
     }
-    return Perturbation(precision, raw, guards)
+    ranges = {
+        name: (Fraction(ends.low), Fraction(ends.high))
+        for name, ends in running_ranges(program, precision).items()
+    }
+    return Perturbation(precision, raw, guards, ranges)
 
 
 def prove_perturbed(

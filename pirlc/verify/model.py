@@ -55,11 +55,14 @@ ORDINARY = Circumstances()
 @dataclass(frozen=True)
 class Perturbation:
     """How far a precision's rounding may move raw results (by action) and the difference of the
-    sides of guards. A guard that is missing may turn anywhere, an action may be anything."""
+    sides of guards. A guard that is missing may turn anywhere, an action may be anything.
+
+    `ranges`: where raw results as computed lie in any case."""
 
     precision: Precision
     raw: Mapping[str, Fraction]
     guards: Mapping[GuardKey, Fraction]
+    ranges: Mapping[str, tuple[Fraction, Fraction]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -300,6 +303,8 @@ class _Unrolling:
         off = exact.subtract(value, result.value)
         most = exact.multiply(bound, self.scale)
         self.constraints.append(exact.within(off, exact.negate(most), most))
+        if spec.name in self.perturbation.ranges:
+            self.constraints.append(exact.within(value, *self.perturbation.ranges[spec.name]))
         return Form(value, result.defined)
 
     def _applied(self, spec: ActionSpec, raw: Form, step: int, safe: Term | None) -> Form:
