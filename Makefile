@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt
 PYTEST_ARGS ?= -n auto
 
-.PHONY: help synth test lint slow bench bench-torcs mutate clean
+.PHONY: help synth test lint slow assure bench bench-torcs mutate clean
 .DEFAULT_GOAL := help
 
 help:
@@ -14,6 +14,7 @@ help:
 	@echo "make test    lint, then the tests"
 	@echo "make lint    formatting, style, types, layers"
 	@echo "make slow    the long checks"
+	@echo "make assure  emitted C under compilers, analysers, sanitizers and on other machines"
 	@echo "make bench   the benchmarks; bench-torcs: the experiments in TORCS (hours)"
 	@echo "make mutate  plants faults in templates, printers and lowering: do the tests notice?"
 	@echo "make clean   remove $(VENV), runs and caches"
@@ -32,6 +33,9 @@ lint: $(VENV)/installed-dev
 
 slow: $(VENV)/installed-dev
 	@$(BIN)/python -m pytest -q -m slow
+
+assure: $(VENV)/installed-dev
+	@$(BIN)/python -m benchmarks.assure
 
 bench: $(VENV)/installed-dev
 	@$(BIN)/python -m benchmarks.scoring

@@ -85,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "checks": {},
     }
     say: Callable[[str], None] = (lambda _: None) if options.json else print
-    start = time.perf_counter()
+    start, used_before = time.perf_counter(), sum(os.times()[:4])
     with tempfile.TemporaryDirectory(prefix="pirlc-assure-") as place:
         work = Path(place)
         examples = emitted(example_programs(), work / "examples", is_example=True)
@@ -103,8 +103,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             record["checks"][name] = entry
             say(_line(name, entry))
     record["seconds"] = round(time.perf_counter() - start, 1)
+    record["core_seconds"] = round(sum(os.times()[:4]) - used_before, 1)
     findings = sum(len(entry["findings"]) for entry in record["checks"].values())
-    say(f"{findings or 'no'} findings, {record['seconds']:.0f} s")
+    spent = f"{record['seconds']:.0f} s ({record['core_seconds']:.0f} s of processors)"
+    say(f"{findings or 'no'} findings, {spent}")
     if options.json:
         print(json.dumps(record, indent=1))
     if options.write:

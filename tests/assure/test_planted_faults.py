@@ -119,7 +119,7 @@ def test_precedence_is_still_checked_where_it_is_not_a_choice(subject, work):
             (CLEAN, f"{CLEAN}    status |= 0u * (unsigned)(2147483647 - (int)in->level + 2);\n"),
             "signed integer overflow",
         ),
-        (("    s->level_missing = 0u;\n", ""), "uninitialized"),
+        (("    s->oldest_of_5 = 0u;\n", ""), "use-of-uninitialized-value"),
         ((CLEAN, f"{CLEAN}    status += 0u * (status - 1u);\n"), "unsigned integer overflow"),
     ],
 )
