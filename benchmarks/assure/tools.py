@@ -34,7 +34,7 @@ class Tool:
 GCC = Tool("gcc", "gcc")
 CLANG = Tool("clang", "clang")
 CLANG_SANITIZERS = Tool(
-    "clang", "clang libclang-rt-14-dev", (f"libclang_rt.msan-{platform.machine()}.a",)
+    "clang", "clang libclang-rt-dev", (f"libclang_rt.msan-{platform.machine()}.a",)
 )
 CLANG_TIDY = Tool("clang-tidy", "clang-tidy")
 CPPCHECK = Tool("cppcheck", "cppcheck")
