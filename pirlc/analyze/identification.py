@@ -1,9 +1,10 @@
 """Models from data: ARX by least squares, the order chosen on data held out from it.
 
-    y(k) = sum over i of A_i y(k - i) + sum over j of B_j u(k - j) + e(k),   i, j = 1, ..., n
+    y(k) = sum over i of A_i y(k - i) + sum over j of B_j u(k - j) + c + e(k),   i, j = 1, ..., n
 
-for deviations from the estimation data's means (Ljung, System Identification, second edition,
-sections 4.2, 10.1 and 16.4). Readings y(k) are taken before the action u(k).
+for deviations from the estimation data's means, of which the constant c makes a state of rest
+(Ljung, System Identification, second edition, sections 4.2, 10.1 and 16.4). Readings y(k) are taken
+before the action u(k).
 """
 
 from __future__ import annotations
@@ -37,13 +38,14 @@ class Record:
 class Arx:
     """`a` (n, p, p) and `b` (n, p, m) weigh past readings and actions, the newest first.
 
-    `y_mean` (p,) and `u_mean` (m,): where the deviations are measured from.
+    `y_mean` (p,) and `u_mean` (m,): where the deviations are measured from; `constant` (p,) is c.
     """
 
     a: Vector
     b: Vector
     y_mean: Vector
     u_mean: Vector
+    constant: Vector
 
     @property
     def order(self) -> int:
@@ -64,11 +66,12 @@ class Arx:
 
 
 def regression(record: Record, order: int, y_mean: Vector, u_mean: Vector) -> tuple[Vector, Vector]:
-    """Rows of past readings and actions (T - n, n (p + m)), and what they are to explain."""
+    """Rows of past readings, past actions and a 1 (T - n, n (p + m) + 1), and what they explain."""
     y, u = record.y - y_mean, record.u - u_mean
     steps = len(record)
     past = [y[order - i : steps - i] for i in range(1, order + 1)]
     past += [u[order - i : steps - i] for i in range(1, order + 1)]
+    past.append(np.ones((steps - order, 1)))
     return np.concatenate(past, axis=1), y[order:]
 
 
@@ -85,14 +88,14 @@ def fit_arx(records: Sequence[Record], order: int) -> Arx:
     weights = (weights / scale[:, None]).T
     p, m = len(y_mean), len(u_mean)
     a = weights[:, : order * p].reshape(p, order, p).transpose(1, 0, 2)
-    b = weights[:, order * p :].reshape(p, order, m).transpose(1, 0, 2)
-    return Arx(a, b, y_mean, u_mean)
+    b = weights[:, order * p : -1].reshape(p, order, m).transpose(1, 0, 2)
+    return Arx(a, b, y_mean, u_mean, weights[:, -1])
 
 
 def one_step(model: Arx, record: Record) -> tuple[Vector, Vector]:
     """What the model says of each reading given all before it, and the readings (deviations)."""
     rows, goal = regression(record, model.order, model.y_mean, model.u_mean)
-    weights = np.concatenate([*model.a, *model.b], axis=1)
+    weights = np.concatenate([*model.a, *model.b, model.constant[:, None]], axis=1)
     return rows @ weights.T, goal
 
 
@@ -107,7 +110,7 @@ def free_run(model: Arx, record: Record, horizon: int | None = None) -> tuple[Ve
     with np.errstate(all="ignore"):
         for k in range(n, len(y)):
             since = k - n if horizon is None else (k - n) % horizon
-            run[k] = sum(
+            run[k] = model.constant + sum(
                 model.a[i] @ (run if since > i else y)[k - 1 - i] + model.b[i] @ u[k - 1 - i]
                 for i in range(n)
             )

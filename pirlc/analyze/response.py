@@ -1,30 +1,18 @@
-"""What the linear loop predicts beside what the simulator does.
-
-Simulated deviations are differences of two runs that share everything, one with the change and one
-without: what disturbs both alike is no part of them.
-"""
+"""What the linear loop predicts beside what the simulator does."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirlc.analyze.closed_loop import Mode, Shape, closed_loop, law, parts_of, shape_of, why_not
 from pirlc.analyze.findings import Leaf, Origin, Plant, ResponseFinding
-from pirlc.analyze.plants.equations import known_equations
-from pirlc.analyze.plants.identified import shortened
-from pirlc.analyze.plants.states import Resettable, resettable
+from pirlc.analyze.simulated import from_episodes, from_states, with_offset
 from pirlc.ir.evidence import tested, unknown
-from pirlc.ir.operators import Operator
 from pirlc.ir.policy import Continuous, Environment, Fill, Program
-from pirlc.ir.terms import Apply, Literal
-from pirlc.semantics.policies import InterpretedPolicy
-from pirlc.simulation.environments import Simulator, facts, make
-from pirlc.simulation.rollout import run_episode
 
 Real = NDArray[np.float64]
 
@@ -34,11 +22,10 @@ SHARE = 0.05
 ROOM = 0.5
 """The share of the action's room around the operating point that a predicted action may take."""
 
-STARTS = 6
-"""Places in an episode at which a step is tried; their mean is what is shown."""
-
 _SHORTEST, _LONGEST = 20, 200
-_EPISODE = 1500
+
+_WITH_STATES = (Origin.EQUATIONS, Origin.SIMULATOR)
+"""Plants whose states are those of the simulator."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +49,8 @@ def response_of(
 ) -> ResponseFinding:
     """The loop of one leaf, with `others` closed (one a further action), predicted and simulated.
 
-    Where the plant's state can be set, from a state off the operating point; else, or where the
-    leaf has a setpoint, after a step of that or (without one) of the action. Raises PirlcError
+    Where the leaf has a setpoint, after a step of that; else from a state off the operating point,
+    where the simulator can be put into a state, or after a step of the action. Raises PirlcError
     E0501 to E0518 for the environment.
     """
     latency = program.interface.latency
@@ -83,10 +70,14 @@ def response_of(
     if fastest > 1.0 and _grows(predicted):
         return _nothing(leaf, f"the linear loop is unstable (spectral radius {fastest:.4g})")
     steps = _settled(predicted)
-    if change.offset:
-        runs = _stepped(program, environment, leaf, change, steps, trust)
+    if plant.origin in _WITH_STATES:
+        off = dict(zip(plant.states, change.state, strict=False))
+        start = [whole.operating[name] + off.get(name, 0.0) for name in whole.states]
+        moved = with_offset(program, leaf.action, change.offset) if change.offset else program
+        runs = from_states(program, moved, environment, whole, np.array(start), steps, trust)
     else:
-        runs = _released(program, environment, whole, plant, change, steps, trust)
+        moved = with_offset(program, leaf.action, change.offset)
+        runs = from_episodes(program, moved, environment, steps, trust)
     names = (*plant.outputs, *plant.inputs)
     usable = [run for run in runs if len(run) >= _SHORTEST]
     if not usable:
@@ -128,7 +119,7 @@ def _change(program: Program, shape: Shape, leaf: Leaf, matrix: Real) -> Change:
         step *= share
         what = f"a step of the setpoint of {pid.sensor} by {step:.3g}"
         return Change(what, gain * step, np.zeros(size))
-    if plant.origin is Origin.IDENTIFIED or plant.origin is Origin.GIVEN:
+    if plant.origin not in _WITH_STATES:
         spec = next(a for a in program.interface.actions if a.name == leaf.action)
         assert isinstance(spec.domain, Continuous)
         step = SHARE * (spec.domain.upper - spec.domain.lower)
@@ -205,136 +196,6 @@ def _columns(program: Program, plant: Plant) -> list[int]:
     sensors = {sensor.name: sensor.index for sensor in program.interface.sensors}
     components = {action.name: -1 - action.component for action in program.interface.actions}
     return [sensors[name] for name in plant.outputs] + [components[name] for name in plant.inputs]
-
-
-def _rows(observations: Real, actions: Real) -> Real:
-    """Observations, and the actions from the end backwards: component 0 is the last column."""
-    return np.concatenate([observations, actions[:, ::-1]], axis=1)
-
-
-class _Stepping:
-    """A program of which one action is offset from a step on (before it is clipped)."""
-
-    def __init__(self, program: Program, action: str, offset: float, at: int) -> None:
-        self._plain = InterpretedPolicy(program)
-        self._moved = InterpretedPolicy(_with_offset(program, action, offset))
-        self._at = at
-        self._step = 0
-
-    def reset(self) -> None:
-        self._plain.reset()
-        self._step = 0
-
-    def act(self, observation: Real) -> tuple[float, ...]:
-        policy = self._plain if self._step < self._at else self._moved
-        if self._step == self._at:
-            self._moved.state = self._plain.state
-        self._step += 1
-        return policy.act(observation)
-
-
-def _with_offset(program: Program, action: str, offset: float) -> Program:
-    bodies = tuple(
-        Apply(Operator.ADD, (body, Literal(offset))) if spec.name == action else body
-        for spec, body in zip(program.interface.actions, program.bodies, strict=True)
-    )
-    return replace(program, bodies=bodies)
-
-
-def _stepped(
-    program: Program,
-    environment: Environment,
-    leaf: Leaf,
-    change: Change,
-    steps: int,
-    trust: bool,
-) -> list[Real]:
-    """Differences that a step of the leaf's offset makes, from several places of an episode on."""
-    limit = facts(environment, trust).max_episode_steps
-    simulator = make(shortened(environment, _EPISODE, limit), trust)
-    try:
-        plain = run_episode(simulator, InterpretedPolicy(program), 0)
-        before = _rows(plain.observations, plain.actions)
-        # Not at the start, where the loop is not yet about its operating point.
-        last = len(before) - steps
-        places = np.unique(np.linspace(0.4 * len(before), max(last, 0.4 * len(before)), STARTS))
-        found = []
-        for place in {int(place) for place in places}:
-            policy = _Stepping(program, leaf.action, change.offset, place)
-            episode = run_episode(simulator, policy, 0)
-            after = _rows(episode.observations, episode.actions)
-            end = min(len(before), len(after))
-            found.append((after[:end] - before[:end])[place : place + steps])
-        return found
-    finally:
-        simulator.close()
-
-
-def _released(
-    program: Program,
-    environment: Environment,
-    whole: Plant,
-    plant: Plant,
-    change: Change,
-    steps: int,
-    trust: bool,
-) -> list[Real]:
-    """The difference between starting off the operating point and at it."""
-    simulator = make(environment, trust)
-    try:
-        system = resettable(simulator, environment.id)
-        rest = np.array([whole.operating[name] for name in whole.states])
-        off = np.zeros(len(rest))
-        off[[whole.states.index(name) for name in plant.states]] = change.state[: len(plant.states)]
-        runs = [
-            _from_state(program, environment, simulator, system, whole, state, steps)
-            for state in (rest, rest + off)
-        ]
-        end = min(map(len, runs))
-        return [runs[1][:end] - runs[0][:end]]
-    finally:
-        simulator.close()
-
-
-def _from_state(
-    program: Program,
-    environment: Environment,
-    simulator: Simulator,
-    system: Resettable,
-    plant: Plant,
-    state: Real,
-    steps: int,
-) -> Real:
-    simulator.reset(seed=0)
-    observation = _first_observation(program, environment, simulator, plant, state)
-    policy = InterpretedPolicy(program)
-    policy.reset()
-    observations, actions = [], []
-    for _ in range(steps):
-        action = policy.act(observation)
-        observations.append(observation)
-        actions.append(action)
-        state, observation = system.advance(state, np.array(action))
-    return _rows(np.array(observations), np.array(actions))
-
-
-def _first_observation(
-    program: Program, environment: Environment, simulator: Simulator, plant: Plant, state: Real
-) -> Real:
-    """The readings of a state that no step has led to."""
-    space: Any = simulator.observation_space
-    equations = known_equations(environment)
-    if equations is not None:
-        action = np.zeros(equations.step.numel_in(1))
-        values = np.array(equations.step(state, action)[1], np.float64).reshape(-1)
-        return np.asarray(values.astype(space.dtype), dtype=np.float64)
-    observation = np.zeros(space.shape)
-    rest = np.array([plant.operating[name] for name in plant.states])
-    readings = np.array(plant.c) @ (state - rest)
-    for name, value in zip(plant.outputs, readings, strict=True):
-        place = program.interface.sensor(name).index
-        observation[place] = plant.operating[name] + value
-    return observation
 
 
 def _finding(

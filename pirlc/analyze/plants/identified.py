@@ -37,7 +37,7 @@ LEAST_STEPS = 50
 LONGEST_RUN = 50
 """Steps after which a free run is started anew; fewer for an unstable plant (`horizon_of`)."""
 
-_GROWTH = 10.0
+_GROWTH = 3.0
 
 
 @dataclass(frozen=True)
@@ -203,7 +203,7 @@ def _identified(
 
 
 def horizon_of(model: Arx) -> int:
-    """Steps in which the model's own unstable poles magnify an error tenfold, at most
+    """Steps in which the model's own unstable poles magnify an error threefold, at most
     `LONGEST_RUN`: longer free runs of any model leave the plant."""
     fastest = float(np.max(np.abs(np.linalg.eigvals(model.state_space()[0]))))
     if fastest <= _GROWTH ** (1.0 / LONGEST_RUN):
