@@ -19,6 +19,10 @@ from pirlc.analyze.realisation import Complex, Real, Realisation, angles
 TOLERANCE = 1e-6
 """Relative, of every figure."""
 
+_HALF_TURN = 179.999
+"""Degrees: where L only touches 1 (at rest, say), half a turn is no margin to speak of."""
+
+_EDGE = 1e-10
 _LARGEST_GAIN = 1e3
 _MOST_WHOLE_DELAYS = 40
 
@@ -38,7 +42,7 @@ def checks_of(
     checks = [
         _check("gain margin upward", found.gain_up, by_gain, up, _LARGEST_GAIN),
         _check("gain margin downward", found.gain_down, by_gain, down),
-        _check("phase margin", found.phase, by_turn, math.degrees(phase)),
+        _check("phase margin", found.phase, by_turn, math.degrees(phase), _HALF_TURN),
         _check(
             "delay margin",
             found.delay_samples,
@@ -146,7 +150,9 @@ def _rotation_edges(loop: Realisation, lags: list[float]) -> tuple[float, float]
 def _first_whole(loop: Realisation, found: Margins) -> float:
     """The first whole delay, up to the margin, with which an eigenvalue is outside."""
     last = math.floor(min(found.delay_samples, _MOST_WHOLE_DELAYS))
-    unstable = (n for n in range(1, last + 1) if _outside(_delayed(loop, n).closed()))
+    unstable = (
+        n for n in range(1, last + 1) if np.max(np.abs(_delayed(loop, n).closed())) > 1.0 - _EDGE
+    )
     return next(unstable, math.inf)
 
 

@@ -16,9 +16,13 @@ from pirlc.analyze.checks import checks_of, failed
 from pirlc.analyze.closed_loop import parts_of
 from pirlc.analyze.findings import (
     Check,
+    Check,
+    Check,
     FrequencyResponse,
     Leaf,
     LoopFinding,
+    Margins,
+    Margins,
     Margins,
     Plant,
     Pole,
@@ -104,7 +108,9 @@ def loop_of(
         )
     margins: Margins | None = None
     checks: tuple[Check, ...] = ()
-    if visible:
+    if not len(loop.b):
+        notes.append("the action does not move what it reads: nothing to lose or to gain")
+    elif visible:
         margins = margins_of(loop, sample_time)
         checks = checks_of(loop, by_parts, margins, sample_time)
         wrong = [check for check in checks if failed(check)]
@@ -121,7 +127,7 @@ def loop_of(
         stable=stable,
         margins=margins,
         response=frequency_response(loop, sample_time),
-        step=step_response(parts, leaf, plant, loop, sample_time) if stable else None,
+        step=step_response(parts, leaf, plant, loop, sample_time) if margins and stable else None,
         checks=checks,
         evidence=how,
         notes=tuple(notes),
@@ -163,6 +169,8 @@ def frequency_response(loop: Realisation, sample_time: float | None) -> Frequenc
     """L on a grid that follows its poles, without points on one."""
     import control
 
+    if not len(loop.b):
+        return FrequencyResponse((), (), ())
     grid = angles(loop, _SHOWN)
     grid = grid[grid > 1e-4]
     step = sample_time or 1.0

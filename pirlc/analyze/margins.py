@@ -21,6 +21,9 @@ from pirlc.analyze.realisation import (
     phase_crossings,
 )
 
+_REST = 1e-7
+"""Below this angle a crossing is at rest: L is 1 there, half a turn from the edge."""
+
 
 def margins_of(loop: Realisation, sample_time: float | None) -> Margins:
     """The margins of a loop whose closed poles all lie inside the unit circle."""
@@ -30,6 +33,8 @@ def margins_of(loop: Realisation, sample_time: float | None) -> Margins:
         value = loop.at(np.array([np.exp(1j * theta)]))[0]
         factors.append((-1.0 / float(value.real), theta))
     for theta in gain_crossings(loop):
+        if theta < _REST:
+            continue
         value = loop.at(np.array([np.exp(1j * theta)]))[0]
         phases.append((lag_to_edge(complex(value)), theta))
     up = min(((k, t) for k, t in factors if k > 1.0), default=(math.inf, None))

@@ -113,6 +113,15 @@ def test_a_loop_gain_above_one_at_nyquist_bears_no_delay_of_a_whole_sample():
     assert _margins(num, den).delay_samples <= 1.0
 
 
+@pytest.mark.parametrize(
+    ("num", "den"), [([0.5], [1, -0.5]), ([0.5, 0.5], [1, 0, 0]), ([-0.5, 0.5], [1, 0, 0])]
+)
+def test_a_loop_gain_of_one_only_at_an_end_is_half_a_turn_away(num, den):
+    """L(1) = 1, or L(-1) = 1 in the last: |L| is below 1 elsewhere."""
+    found = _margins(num, den)
+    assert found.phase == pytest.approx(180.0) or math.isinf(found.phase)
+
+
 def _random_loop(rng):
     """A plant of order 1 to 5, stable or not, with integrators and resonances, and a PID or any
     finite impulse response behind up to three steps of latency."""

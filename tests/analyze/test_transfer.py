@@ -123,9 +123,7 @@ def test_a_recalled_action_makes_a_true_integral():
     assert [(r.action, r.coefficient) for r in leaf.recalls] == [("A", 1)]
     (pid,) = leaf.pids
     assert pid.error_share == 0.0
-    assert pid.steady_state == (
-        "true integral action through `previous`: no error remains at rest"
-    )
+    assert pid.steady_state == ("true integral action through `previous`: no error remains at rest")
 
 
 # Paths
@@ -202,7 +200,8 @@ def test_tangents_are_casadis_derivatives():
     program = program_of(
         _policy(
             "tanh(2 * peek(h, -1)) * sqrt(2 + peek(g, -1)) / (1.5 - peek(h, -2)) "
-            "+ min(exp(peek(g, -1)), 3) + clip(4 * peek(h, -1), -1, peek(g, -2)) + abs(peek(g, -1))",
+            "+ min(exp(peek(g, -1)), 3) + clip(4 * peek(h, -1), -1, peek(g, -2)) "
+            "+ abs(peek(g, -1))",
             ("h", "g"),
         )
     )
