@@ -16,13 +16,9 @@ from pirlc.analyze.checks import checks_of, failed
 from pirlc.analyze.closed_loop import parts_of
 from pirlc.analyze.findings import (
     Check,
-    Check,
-    Check,
     FrequencyResponse,
     Leaf,
     LoopFinding,
-    Margins,
-    Margins,
     Margins,
     Plant,
     Pole,
