@@ -29,4 +29,3 @@ def compared(
     if finding.differences:
         raise error(NotTheProgram(program.interface.name, finding))
     return finding
-

@@ -95,11 +95,16 @@ class Counter:
 
 @dataclass(eq=False, slots=True)
 class Places:
-    """An integer for every place where a ring's oldest reading may stand; None is no integer."""
+    """An integer for every place where a ring's oldest reading may stand; None is no integer.
+
+    `turn`: how far, from each such place, the integer is along the ring; None if that differs, or
+    some integer is no place of the ring.
+    """
 
     serial: int
     ring: str
     values: tuple[int | None, ...]
+    turn: int | None
 
 
 @dataclass(eq=False, slots=True)
@@ -201,7 +206,9 @@ class Graph:
         first = values[0]
         if first is not None and all(value == first for value in values):
             return self.integer(first)
-        return self._made(("places", ring, values), lambda n: Places(n, ring, values))
+        return self._made(
+            ("places", ring, values), lambda n: Places(n, ring, values, _turn(values))
+        )
 
     def free(self, name: str) -> Node:
         """A truth value that may be either."""
@@ -283,11 +290,15 @@ class Graph:
         self, key: object, change: Callable[[Node, Node], Node], left: Node, right: Node
     ) -> Node:
         """The same of two diagrams' leaves, pair by pair."""
-        return self.mapped(
-            (key, right),
-            lambda a: self.mapped((key, a, "right"), lambda b: change(a, b), right),
-            left,
-        )
+        name = (key, left, right)
+        known = self._mapped.get(name)
+        if known is None:
+            known = self._mapped[name] = self.mapped(
+                (key, right, "left"),
+                lambda a: self.mapped((key, a, "right"), lambda b: change(a, b), right),
+                left,
+            )
+        return known
 
     def negation(self, condition: Node) -> Node:
         return self.choose(condition, self.false, self.true)
@@ -486,13 +497,24 @@ class Graph:
 
     def bits_of_either(self, left: Node, right: Node) -> Node:
         """Bitwise or of integers that are known."""
-
-        def join(a: Node, b: Node) -> Node:
-            if isinstance(a, Integer) and isinstance(b, Integer) and min(a.value, b.value) >= 0:
-                return self.integer(a.value | b.value)
-            raise NotUnderstood(f"{describe(a)} | {describe(b)}")
-
-        return self.mapped2("|", join, left, right)
+        if left is self.false:
+            return right
+        if right is self.false:
+            return left
+        if isinstance(right, Choice) and (
+            not isinstance(left, Choice) or right.atom.key < left.atom.key
+        ):
+            # The upper diagram first: the lower one is then joined whole, not taken apart.
+            left, right = right, left
+        if isinstance(left, Choice):
+            return self.mapped(("|", right), lambda a: self.bits_of_either(a, right), left)
+        if (
+            isinstance(left, Integer)
+            and isinstance(right, Integer)
+            and min(left.value, right.value) >= 0
+        ):
+            return self.integer(left.value | right.value)
+        raise NotUnderstood(f"{describe(left)} | {describe(right)}")
 
     def selected(self, condition: Node, high: Node, low: Node) -> Node:
         """As `choose`, where the condition may also depend on a ring's place."""
@@ -512,6 +534,14 @@ class Graph:
             for test, a, b in zip(condition.values, *columns, strict=True)
         )
         return self.places(condition.ring, values)
+
+
+def _turn(values: tuple[int | None, ...]) -> int | None:
+    count, first = len(values), values[0]
+    if first is None:
+        return None
+    fits = all(value == (first + i) % count for i, value in enumerate(values))
+    return first if fits else None
 
 
 def _under(node: Node, atom: Atom) -> Node:

@@ -494,7 +494,7 @@ class Machine:
                 held = [value]
             case Counter(_, _, _, low, high):
                 held = [low, high]
-            case Places(_, _, values):
+            case Places(_, _, values, _):
                 held = [value for value in values if value is not None]
             case _:
                 raise NotUnderstood(f"{describe(leaf)} as {type_.value}")

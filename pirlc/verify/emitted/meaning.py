@@ -117,6 +117,8 @@ class Meaning:
 
     def _any_sensor(self, sensor: Sensor) -> SensorNodes:
         graph, name = self.graph, sensor.name
+        # Atoms of one sensor stand together: the diagrams of many sensors are then a chain.
+        graph.is_finite(self.reading(sensor))
         started, start = graph.free(f"{name} had a good reading"), self.start(sensor)
         count = self.interface.window + self.interface.latency
         held = [

@@ -71,14 +71,11 @@ class Array:
                 if not 0 <= value < count:
                     raise Undefined(f"the index {value} is outside of {name}")
                 return value
-            case Places(_, ring, values) if ring == self.ring:
+            case Places(_, ring, values, turn) if ring == self.ring:
+                if turn is not None and len(values) == count:
+                    return turn
                 if any(value is None or not 0 <= value < count for value in values):
                     raise Undefined(f"an index outside of {name}")
-                distances = {
-                    (value - head) % count for head, value in enumerate(values) if value is not None
-                }
-                if len(distances) == 1:
-                    return distances.pop()
                 raise NotUnderstood(f"an index of {name} that does not turn with its ring")
             case _:
                 raise NotUnderstood(f"{describe(index)} as an index of {name}")

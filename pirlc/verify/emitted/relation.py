@@ -137,13 +137,9 @@ class Relation:
             turn = place.value
         elif isinstance(place, Places) and place.ring == head:
             # Cells are told from where the oldest reading was before the step.
-            turns = {
-                None if value is None or not 0 <= value < length else (value - i) % length
-                for i, value in enumerate(place.values)
-            }
-            if len(turns) != 1 or None in turns:
+            if place.turn is None or len(place.values) != length:
                 raise NotUnderstood(f"how {head} moves")
-            turn = next(t for t in turns if t is not None)
+            turn = place.turn
         else:
             what = "an array" if isinstance(place, Array) else describe(place)
             raise NotUnderstood(f"{head} is {what}")
