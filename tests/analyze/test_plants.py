@@ -136,14 +136,15 @@ def test_the_hanging_pendulum_turns_the_other_way() -> None:
     assert np.max(np.abs(np.linalg.eigvals(np.array(plant.a)))) == pytest.approx(1.0)
 
 
-def test_a_simulator_that_can_be_put_into_a_state_needs_no_equations() -> None:
-    plant = find_plant(program(SPRING), Environment("Spring-v0"))
+@pytest.mark.parametrize("name", ["Spring-v0", "Slide-v0"])
+def test_a_simulator_that_can_be_put_into_a_state_needs_no_equations(name: str) -> None:
+    plant = find_plant(program(SPRING), Environment(name))
     assert plant.origin is Origin.SIMULATOR
     assert np.allclose(plant.a, Spring.A, rtol=0, atol=1e-10)
     assert np.allclose(plant.b, Spring.B, rtol=0, atol=1e-10)
     assert np.allclose(plant.c, [[1.0, 0.0]], rtol=0, atol=1e-9)
     assert (plant.outputs, plant.sample_time) == (("Place",), 0.1)
-    assert plant.notes[-1].startswith("no equations are known for the environment `Spring-v0`")
+    assert plant.notes[-1].startswith(f"no equations are known for the environment `{name}`")
 
 
 def test_differences_are_taken_where_the_program_leads() -> None:

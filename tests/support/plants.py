@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
@@ -85,6 +86,28 @@ class Spring(gym.Env[Any, Any]):
         return np.array([2.0 * self._now[1], self._now[0], 1.0])
 
 
+@dataclass
+class Data:
+    qpos: Any
+    qvel: Any
+
+
+class Slide(Spring):
+    """The same with its state where MuJoCo's environments have theirs."""
+
+    def __init__(self) -> None:
+        super().__init__("hidden")
+
+    @property
+    def data(self) -> Data:
+        return Data(self._now[:1], self._now[1:])
+
+    def set_state(self, qpos: Any, qvel: Any) -> None:
+        assert np.shape(qpos) == np.shape(qvel) == (1,)
+        self._now = np.concatenate([qpos, qvel])
+
+
 def register_spring() -> None:
-    if "Spring-v0" not in gym.registry:
-        gym.register("Spring-v0", Spring, max_episode_steps=200)
+    for name, entry_point in (("Spring-v0", Spring), ("Slide-v0", Slide)):
+        if name not in gym.registry:
+            gym.register(name, entry_point, max_episode_steps=200)

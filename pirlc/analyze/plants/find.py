@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from typing import assert_never
 
@@ -48,7 +49,22 @@ def find_plant(
     Raises PirlcError E0501 to E0518 for the environment, E0930 to E0936 where there is no such
     plant; ValueError for a plant given in a file, which is none of this module's.
     """
-    subject = subject_of(program, environment)
+    with warnings.catch_warnings():
+        # Gymnasium warns of steps from states in which an episode would have ended.
+        warnings.simplefilter("ignore")
+        return _found(
+            subject_of(program, environment), origin, operating_point, trust, rollouts or Rollouts()
+        )
+
+
+def _found(
+    subject: Subject,
+    origin: Origin | None,
+    operating_point: str | OperatingPoint | None,
+    trust: bool,
+    rollouts: Rollouts,
+) -> Plant:
+    program, environment = subject.program, subject.environment
     simulator = make_simulator(subject, trust)
     try:
         misfits = check_interface(program.interface, facts_of(simulator, environment))
@@ -61,13 +77,11 @@ def find_plant(
             case Origin.SIMULATOR:
                 return _by_simulator(subject, simulator, operating_point)
             case Origin.IDENTIFIED:
-                return _by_rollouts(subject, simulator, rollouts or Rollouts(), trust)
+                return _by_rollouts(subject, simulator, rollouts, trust)
             case Origin.GIVEN:
                 raise ValueError("a plant given in a file is not to be found")
             case None:
-                return _automatic(
-                    subject, simulator, operating_point, rollouts or Rollouts(), trust
-                )
+                return _automatic(subject, simulator, operating_point, rollouts, trust)
             case _:
                 assert_never(origin)
     finally:
