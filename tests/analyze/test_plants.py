@@ -215,6 +215,7 @@ def test_unknown_operating_points() -> None:
     ("memory", "reason"),
     [
         ("hidden", "it has neither a vector `state` nor MuJoCo's `set_state`"),
+        ("sealed", "stepping from a state that was set raised RuntimeError: the case is sealed"),
         ("action", "the same step from the same state does not always end alike"),
     ],
 )

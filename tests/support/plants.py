@@ -41,7 +41,7 @@ class Spring(gym.Env[Any, Any]):
     """Place and speed of a weight on a spring with friction; reads (2 speed, place, 1).
 
     `memory`: what the environment remembers besides its `state`: nothing, the action of the step
-    before, or (`hidden`) the state itself under another name.
+    before, or (`hidden`) the state itself under another name. `sealed`: its state cannot be set.
     """
 
     A = np.array([[1.0, 0.1], [-0.05, 0.9]])
@@ -68,6 +68,8 @@ class Spring(gym.Env[Any, Any]):
         raise AttributeError(name)
 
     def __setattr__(self, name: str, value: Any) -> None:
+        if name == "state" and self.memory == "sealed":
+            raise RuntimeError("the case is sealed")
         super().__setattr__("_now" if name == "state" else name, value)
 
     def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
