@@ -16,6 +16,7 @@ from pirlc.diagnostics import Diagnostic, PirlcError
 from pirlc.ir.policy import Environment, Program
 from pirlc.oracle.network import Oracle
 from pirlc.report.data import as_data
+from pirlc.report.manifest import sha256_of
 from pirlc.report.page import write_report
 from pirlc.report.run import ANALYSIS, VERIFICATION
 from pirlc.report.traces import trace_episode, write_traces
@@ -55,10 +56,10 @@ def write_dossier(
     """
     tell("prove")
     verification = verify(program, limits)
-    files = [_write(folder / VERIFICATION, verification)]
+    files = [_write(folder / VERIFICATION, verification, program)]
     tell("analyze")
     analysis = analysis_in(program, environment, trust=trust)
-    files.append(_write(folder / ANALYSIS, analysis))
+    files.append(_write(folder / ANALYSIS, analysis, program))
     tell("trace")
     traces = trace_episode(program, environment, oracle, seed, trust=trust)
     files.append(write_traces(traces, folder))
@@ -90,5 +91,7 @@ def _in_words(diagnostic: Diagnostic) -> str:
     return "; ".join((diagnostic.message, *diagnostic.notes))
 
 
-def _write(path: Path, finding: Any) -> Path:
-    return write_text(path, json.dumps(as_data(finding), indent=1, allow_nan=False) + "\n")
+def _write(path: Path, finding: Any, program: Program) -> Path:
+    """The finding, with the hash of the program that it is about."""
+    data = {"program_sha256": sha256_of(program), **as_data(finding)}
+    return write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from typing import Any
 
 import pirlc
-from pirlc.ir.policy import Environment
+from pirlc.ir.policy import Environment, Program
 from pirlc.ir.printer import program_text
 from pirlc.oracle.load import LoadedOracle
 from pirlc.oracle.manifest import environment_as_json, to_json
@@ -33,6 +33,11 @@ class Spent:
 
     calls: int
     seconds: float
+
+
+def sha256_of(program: Program) -> str:
+    """Of the program's text, by which what was found about it is told apart."""
+    return sha256(program_text(program).encode()).hexdigest()
 
 
 def asked_of(request: SynthesisRequest, settings: Settings, episodes: int) -> dict[str, Any]:
@@ -96,7 +101,7 @@ def results_of(
         "oracle_from": None if oracle is None else oracle.origin,
         "program": {
             "size": found.program.size,
-            "sha256": sha256(text.encode()).hexdigest(),
+            "sha256": sha256_of(found.program.program),
             "text": text,
             **{k: v for k, v in as_entry(found.program, "result").items() if k != "size"},
         },

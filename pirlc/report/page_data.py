@@ -228,14 +228,20 @@ def _missing(
     elif returns is None:
         yield "Returns were not measured: the run ended before its evaluation."
     if stored.traces is None:
-        yield f"There are no action traces: {TRACES} is written at the end of pirlc synth."
+        yield f"There are no action traces: {_where(stored, TRACES)}."
     if stored.verification is None:
         yield (
-            f"Nothing is proved here: {VERIFICATION} is not there. pirlc verify proves the "
+            f"Nothing is proved here: {_where(stored, VERIFICATION)}. pirlc verify proves the "
             "properties of a program by itself."
         )
     if stored.analysis is None:
         yield (
-            f"No control-theory figures: {ANALYSIS} is not there. pirlc analyze finds them for "
+            f"No control-theory figures: {_where(stored, ANALYSIS)}. pirlc analyze finds them for "
             "a program by itself."
         )
+
+
+def _where(stored: Stored, name: str) -> str:
+    if name in stored.others:
+        return f"{name} is about another program, which this run had before"
+    return f"{name} is not there; it is written at the end of pirlc synth"

@@ -18,7 +18,8 @@ _CANDIDATES, _SKETCH = "candidates.jsonl", "sketch.pirl"
 @dataclass(frozen=True)
 class Stored:
     """A run's files. `candidates` has a line an entry; `emitted` are (path in the folder, bytes)
-    of the files made for use, and `header` is the text of the emitted C header."""
+    of the files made for use, and `header` is the text of the emitted C header. `others` are files
+    of findings that are not about this program: left by a run that has since gone on."""
 
     folder: Path
     manifest: Mapping[str, Any]
@@ -30,6 +31,7 @@ class Stored:
     analysis: Mapping[str, Any] | None
     emitted: tuple[tuple[str, int], ...]
     header: str | None
+    others: tuple[str, ...]
 
 
 def read_stored(folder: Path) -> Stored:
@@ -45,6 +47,7 @@ def read_stored(folder: Path) -> Stored:
         raise error(NoRun(str(folder), f"it has no `{MANIFEST}`"))
     manifest = _json(folder, MANIFEST)
     assert manifest is not None
+    findings, others = _findings(folder, manifest)
     headers = sorted((folder / "c").glob("*.h"))
     programs = sorted(p for p in folder.glob("*.pirl") if p.name != _SKETCH)
     return Stored(
@@ -53,12 +56,32 @@ def read_stored(folder: Path) -> Stored:
         _text(folder / _SKETCH),
         _text(programs[0]) if programs else None,
         _lines(folder, _CANDIDATES),
-        _json(folder, TRACES),
-        _json(folder, VERIFICATION),
-        _json(folder, ANALYSIS),
+        findings[TRACES],
+        findings[VERIFICATION],
+        findings[ANALYSIS],
         tuple(_emitted(folder)),
         _text(headers[0]) if headers else None,
+        others,
     )
+
+
+def _findings(
+    folder: Path, manifest: Mapping[str, Any]
+) -> tuple[dict[str, Mapping[str, Any] | None], tuple[str, ...]]:
+    """The findings about the program in the manifest, and the names of those about another."""
+    with understanding(MANIFEST):
+        program = manifest.get("program")
+        digest = None if program is None else program["sha256"]
+    findings: dict[str, Mapping[str, Any] | None] = {}
+    others = []
+    for name in (TRACES, VERIFICATION, ANALYSIS):
+        found = _json(folder, name)
+        with understanding(name):
+            if found is not None and found["program_sha256"] != digest:
+                others.append(name)
+                found = None
+        findings[name] = found
+    return findings, tuple(others)
 
 
 @contextmanager

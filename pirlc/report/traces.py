@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pirlc.backend.files import write_text
 from pirlc.ir.policy import ActionSpec, Choice, Continuous, Environment, Program
 from pirlc.oracle.network import Oracle
+from pirlc.report.manifest import sha256_of
 from pirlc.report.run import TRACES
 from pirlc.semantics.policies import InterpretedPolicy
 from pirlc.semantics.vectorised import distances
@@ -31,6 +32,7 @@ class Traces:
     measure of how far they are apart. Both are None without an oracle.
     """
 
+    program_sha256: str
     seed: int
     episode: Episode
     specs: tuple[ActionSpec, ...]
@@ -54,14 +56,17 @@ def trace_episode(
     """
     factory = partial(InterpretedPolicy, program)
     (episode,) = collect_episodes(factory, environment, [seed], 1, trust)
+    digest = sha256_of(program)
     specs = program.interface.actions
     components = [spec.component for spec in specs]
     driven = episode.actions[:, components]
     sensors = tuple((sensor.name, sensor.index) for sensor in program.interface.sensors)
     if oracle is None:
-        return Traces(seed, episode, specs, sensors, driven, None, None)
+        return Traces(digest, seed, episode, specs, sensors, driven, None, None)
     asked = _clipped(oracle.actions(episode.observations)[:, components], specs)
-    return Traces(seed, episode, specs, sensors, driven, asked, distances(driven, asked, specs))
+    return Traces(
+        digest, seed, episode, specs, sensors, driven, asked, distances(driven, asked, specs)
+    )
 
 
 def _clipped(actions: NDArray[np.float64], specs: tuple[ActionSpec, ...]) -> NDArray[np.float64]:
@@ -82,6 +87,7 @@ def traces_data(traces: Traces) -> dict[str, Any]:
     """Plain data; a missing reading, for which JSON has no word, is null."""
     distance = traces.distance
     return {
+        "program_sha256": traces.program_sha256,
         "seed": traces.seed,
         "steps": len(traces.program),
         "return": episode_return(traces.episode),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -61,30 +62,53 @@ def synthesised(tmp_path_factory: pytest.TempPathFactory) -> SynthesisResult:
     return synthesize(request, lambda _: None, lambda _: None)
 
 
-@pytest.fixture
-def run(synthesised: SynthesisResult, tmp_path: Path) -> Path:
-    """The folder of that run, copied, without what proofs and analysis may have left."""
-    folder = tmp_path / "pole"
+@pytest.fixture(scope="session")
+def traced(synthesised: SynthesisResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of that run with findings of every kind; nobody writes into it either."""
+    folder = tmp_path_factory.mktemp("traced") / "pole"
     shutil.copytree(synthesised.program_file.parent, folder)
-    for name in ("verification.json", "analysis.json", "traces.json", "report.html", "report.json"):
-        (folder / name).unlink(missing_ok=True)
-    return folder
-
-
-@pytest.fixture
-def full(run: Path, synthesised: SynthesisResult) -> Path:
-    """The run with its traces, and with findings of every kind."""
-    add_findings(run)
+    add_findings(folder)
     program = synthesised.program
     environment = program.interface.environment
     assert environment is not None
-    write_traces(trace_episode(program, environment, balancer(), 1_000_000), run)
-    return run
+    write_traces(trace_episode(program, environment, balancer(), 1_000_000), folder)
+    return folder
+
+
+@dataclass(frozen=True)
+class Made:
+    """A page that was made, and what it and the JSON beside it say."""
+
+    page: Path
+    text: str
+    data: dict
+
+
+@pytest.fixture(scope="session")
+def shown(traced: Path, tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """The page of a run on which nothing is missing."""
+    folder = shutil.copytree(traced, tmp_path_factory.mktemp("shown") / "pole")
+    return Made(folder / "report.html", *make_report(folder))
+
+
+@pytest.fixture
+def full(traced: Path, tmp_path: Path) -> Path:
+    """The same folder, to do something to."""
+    return shutil.copytree(traced, tmp_path / "pole")
+
+
+@pytest.fixture
+def run(full: Path) -> Path:
+    """The folder without proofs, analysis and traces."""
+    for name in ("verification.json", "analysis.json", "traces.json", "report.html", "report.json"):
+        (full / name).unlink(missing_ok=True)
+    return full
 
 
 def add_findings(run: Path) -> None:
-    (run / "verification.json").write_text(json.dumps(as_data(verification())))
-    (run / "analysis.json").write_text(json.dumps(as_data(analysis())))
+    about = {"program_sha256": json.loads((run / "manifest.json").read_text())["program"]["sha256"]}
+    (run / "verification.json").write_text(json.dumps(about | as_data(verification())))
+    (run / "analysis.json").write_text(json.dumps(about | as_data(analysis())))
 
 
 Reported = Callable[[Path], tuple[str, dict]]
@@ -93,14 +117,14 @@ Reported = Callable[[Path], tuple[str, dict]]
 @pytest.fixture
 def reported() -> Reported:
     """Makes the page of a folder: its HTML and its data."""
+    return make_report
 
-    def report(folder: Path) -> tuple[str, dict]:
-        page, data = write_report(folder)
-        assert (page, data) == (folder / "report.html", folder / "report.json")
 
-        def no_constant(name: str) -> None:
-            raise AssertionError(f"{name} is no JSON")
+def make_report(folder: Path) -> tuple[str, dict]:
+    page, data = write_report(folder)
+    assert (page, data) == (folder / "report.html", folder / "report.json")
 
-        return page.read_text(), json.loads(data.read_text(), parse_constant=no_constant)
+    def no_constant(name: str) -> None:
+        raise AssertionError(f"{name} is no JSON")
 
-    return report
+    return page.read_text(), json.loads(data.read_text(), parse_constant=no_constant)

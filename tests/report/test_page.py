@@ -37,13 +37,14 @@ def check_figures(page: Page, data: dict) -> int:
             words = {None: "—", True: "yes", False: "no"}
             assert shown.text == (words[value] if not isinstance(value, str) else value)
     for shown in page.keys:
-        assert resolved(data, shown.pointer) is not None
-        assert shown.pointer.rpartition("/")[2] == shown.text
+        resolved(data, shown.pointer)
+        token = shown.pointer.rpartition("/")[2]
+        assert token.replace("~1", "/").replace("~0", "~") == shown.text
     return len(page.shown)
 
 
-def test_a_whole_page(full, reported):
-    text, data = reported(full)
+def test_a_whole_page(shown):
+    text, data, full = shown.text, shown.data, shown.page.parent
     page = Page(text)
     assert sections(page) == SECTIONS
     assert check_figures(page, data) > 150
@@ -53,10 +54,10 @@ def test_a_whole_page(full, reported):
     assert set(returns) == {"program", "emitted C", "oracle", "without refinement"}
     assert returns["program"]["mean"] == manifest["evaluation"]["returns"]["program"]["mean"]
     assert data["program"]["text"] == manifest["program"]["text"]
-    shown = {found.pointer: found.text for found in page.shown}
-    assert shown["/program/text"] == manifest["program"]["text"]
-    assert shown["/sketch"] == (full / "sketch.pirl").read_text()
-    assert shown["/head/environment"] == '"CartPole-v1"'
+    texts = {found.pointer: found.text for found in page.shown}
+    assert texts["/program/text"] == manifest["program"]["text"]
+    assert texts["/sketch"] == (full / "sketch.pirl").read_text()
+    assert texts["/head/environment"] == '"CartPole-v1"'
 
 
 def test_a_run_by_itself(run, reported):
@@ -103,9 +104,8 @@ def test_resources_are_those_of_the_emitted_code(run, reported):
     assert found["search_calls"] == manifest["calls_of_search"]
 
 
-def test_the_verdict(full, reported):
-    _, data = reported(full)
-    returns, proofs, emitted, loops = data["head"]["verdict"]
+def test_the_verdict(shown):
+    returns, proofs, emitted, loops = shown.data["head"]["verdict"]
     assert returns["mark"] == "plain" and returns["text"].startswith("Return over 10 unseen")
     assert proofs == {
         "about": "proofs",
@@ -122,8 +122,8 @@ def test_the_verdict(full, reported):
     }
 
 
-def test_what_is_refuted_is_plotted(full, reported):
-    text, _ = reported(full)
+def test_what_is_refuted_is_plotted(shown):
+    text = shown.text
     figures = [found.pointer for found in Page(text).shown if found.tag == "figure"]
     assert "/verification/found/properties/1/counterexample" in figures
     assert "/verification/found/properties/1/obligations/1/counterexample" in figures
@@ -132,8 +132,8 @@ def test_what_is_refuted_is_plotted(full, reported):
     assert len(titles) == text.count("<svg ") == text.count('role="img"')
 
 
-def test_ids_are_the_pages_own(full, reported):
-    text, _ = reported(full)
+def test_ids_are_the_pages_own(shown):
+    text = shown.text
     page = Page(text)
     ids = [given["id"] for _, given in page.tags if given.get("id")]
     assert len(ids) == len(set(ids))
@@ -141,15 +141,14 @@ def test_ids_are_the_pages_own(full, reported):
     assert used <= set(ids)
 
 
-def test_the_same_folder_gives_the_same_bytes(full, tmp_path):
-    first = [place.read_bytes() for place in write_report(full)]
-    elsewhere = shutil.copytree(full, tmp_path / "elsewhere" / "pole")
-    assert [place.read_bytes() for place in write_report(elsewhere)] == first
+def test_the_same_folder_gives_the_same_bytes(shown, full):
+    first = [shown.page.read_bytes(), shown.page.with_name("report.json").read_bytes()]
+    assert full != shown.page.parent
     assert [place.read_bytes() for place in write_report(full)] == first
 
 
-def test_the_page_holds_all_that_it_needs(full, reported):
-    text, _ = reported(full)
+def test_the_page_holds_all_that_it_needs(shown):
+    text = shown.text
     for tag, given in Page(text).tags:
         assert tag not in ("script", "iframe", "object", "embed", "img", "form", "base")
         for name, value in given.items():
@@ -229,6 +228,31 @@ def test_an_interrupted_run_says_what_was_not_measured(run, reported):
     assert "The run was interrupted" in text
 
 
+def test_findings_about_another_program_are_not_shown(full, reported):
+    found = json.loads((full / "verification.json").read_text())
+    (full / "verification.json").write_text(json.dumps(found | {"program_sha256": "0" * 64}))
+    text, data = reported(full)
+    assert sections(Page(text)) == [name for name in SECTIONS if name != "proofs"]
+    assert data["missing"] == [
+        "Nothing is proved here: verification.json is about another program, which this run had "
+        "before. pirlc verify proves the properties of a program by itself."
+    ]
+    assert "verification has not been run" in text
+
+
+def test_traces_of_many_steps_and_without_an_oracle(full, reported):
+    traces = json.loads((full / "traces.json").read_text())
+    (push,) = traces["actions"]
+    push["program"] = [1.0, 0.0] * 600
+    push["oracle"] = None
+    traces |= dict.fromkeys(("distance", "mean_distance", "largest_distance")) | {"steps": 1200}
+    (full / "traces.json").write_text(json.dumps(traces))
+    text, data = reported(full)
+    check_figures(Page(text), data)
+    assert data["limits"] == {"trace_steps": 1000, "traces_cut": True}
+    assert "the first <data" in text and "the oracle was asked" not in text
+
+
 def test_without_an_oracle_there_is_no_distance(run, reported):
     manifest = json.loads((run / "manifest.json").read_text())
     manifest["asked"]["oracle"] = manifest["oracle"] = manifest["oracle_from"] = None
@@ -282,15 +306,22 @@ def test_folders_that_hold_no_run(tmp_path):
         ("candidates.jsonl", "1\n", "not every line of it holds a JSON object"),
         ("candidates.jsonl", '{"stage": "tune"}\n', "it lacks 'mean_return'"),
         ("verification.json", "{", "it is not JSON"),
-        ("verification.json", "{}", "it lacks 'properties'"),
-        ("analysis.json", '{"leaves": [], "loops": [{}]}', "it lacks 'leaf'"),
-        ("traces.json", "{}", "it lacks 'steps'"),
+        ("verification.json", "{}", "it lacks 'program_sha256'"),
+        ("verification.json", '{"program_sha256": "SHA"}', "it lacks 'properties'"),
+        (
+            "analysis.json",
+            '{"program_sha256": "SHA", "leaves": [], "loops": [{}]}',
+            "it lacks 'leaf'",
+        ),
+        ("traces.json", '{"program_sha256": "SHA"}', "it lacks 'steps'"),
         ("sketch.pirl", b"\xff\xfe", "it is not UTF-8 text"),
         ("verification.json", "[" * 100_000, "it is nested too deeply"),
     ],
 )
 def test_damaged_files(full, name, content, reason):
-    (full / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    digest = json.loads((full / "manifest.json").read_text())["program"]["sha256"]
+    damaged = content if isinstance(content, bytes) else content.encode()
+    (full / name).write_bytes(damaged.replace(b"SHA", digest.encode()))
     assert refused(full).startswith(f"E0741: the run's file `{name}` cannot be used: {reason}")
 
 

@@ -17,9 +17,9 @@ from tests.support.command_line import ROOT
 TEXT = (ROOT / "docs" / "report.md").read_text(encoding="utf-8")
 
 
-def test_the_commands_of_the_documentation(full, tmp_path, monkeypatch, capfd):
+def test_the_commands_of_the_documentation(run, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
-    shutil.copytree(full, tmp_path / "runs" / "cartpole")
+    shutil.copytree(run, tmp_path / "runs" / "cartpole")
     for block in re.findall(r"```console\n(.*?)```", TEXT, re.DOTALL):
         first, _, shown = block.partition("\n")
         words = shlex.split(first.removeprefix("$ "))
@@ -28,13 +28,13 @@ def test_the_commands_of_the_documentation(full, tmp_path, monkeypatch, capfd):
     assert (tmp_path / "runs" / "cartpole" / "report.html").is_file()
 
 
-def test_the_example_of_a_figure_is_how_figures_are_shown(full, capfd):
+def test_the_example_of_a_figure_is_how_figures_are_shown(run, capfd):
     (example,) = re.findall(r"```html\n(.*?)\n```", TEXT, re.DOTALL)
-    manifest = json.loads((full / "manifest.json").read_text())
+    manifest = json.loads((run / "manifest.json").read_text())
     manifest["evaluation"]["returns"]["program"]["mean"] = 499.36
-    (full / "manifest.json").write_text(json.dumps(manifest))
-    assert main(["report", str(full)]) == 0
-    assert example in (full / "report.html").read_text()
+    (run / "manifest.json").write_text(json.dumps(manifest))
+    assert main(["report", str(run)]) == 0
+    assert example in (run / "report.html").read_text()
 
 
 def test_sections_and_files_are_as_documented(full):
@@ -44,14 +44,14 @@ def test_sections_and_files_are_as_documented(full):
     }
 
 
-def test_json(full, capfd):
-    assert main(["report", str(full), "--json"]) == 0
+def test_json(run, capfd):
+    assert main(["report", str(run), "--json"]) == 0
     out, err = capfd.readouterr()
     assert err == ""
     assert json.loads(out) == {
         "diagnostics": [],
-        "page": str(full / "report.html"),
-        "data": str(full / "report.json"),
+        "page": str(run / "report.html"),
+        "data": str(run / "report.json"),
     }
 
 

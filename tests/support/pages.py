@@ -96,12 +96,20 @@ HOSTILE = (
 """A text that nobody should trust."""
 
 
-def hostile(value: object) -> object:
-    """The data with every text made hostile, but for the words that pirlc itself decides by."""
+_MAPS = ("readings", "raw", "applied", "previous", "operating", "outputs", "predicted", "simulated",
+         "error", "fit", "others", "pieces")  # fmt: skip
+
+
+def hostile(value: object, named: bool = False) -> object:
+    """The data with every text made hostile, but for the words that pirlc itself decides by.
+
+    `named`: it is an object whose keys are names of the run's own.
+    """
     match value:
         case dict():
-            kept = ("kind", "exact", "real", "stage")
-            return {k: v if k in kept else hostile(v) for k, v in value.items()}
+            kept = ("kind", "exact", "real", "stage", "program_sha256")
+            tail = HOSTILE if named else ""
+            return {k + tail: v if k in kept else hostile(v, k in _MAPS) for k, v in value.items()}
         case list():
             return [hostile(entry) for entry in value]
         case str() if value not in ("inf", "-inf"):
