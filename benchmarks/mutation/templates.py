@@ -1,4 +1,7 @@
-"""Mutants of a template: lines and blocks lost, conditions turned, code changed."""
+"""Mutants of a template: lines and blocks lost, conditions turned, code changed.
+
+Of comments only the lines that tell something of the program are touched.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,8 @@ def template_mutants(path: PurePosixPath, text: str, language: Language) -> list
             for fault, last, new in _tag_faults(lines, number, tag):
                 add(fault, number, last, *new)
             continue
-        if not line.strip() or (comments[number] and "{{" not in line):
+        told = any(m[1] != "name" for m in _EXPRESSION.finditer(line))
+        if not line.strip() or (comments[number] and not told):
             continue
         add("line lost", number, number + 1)
         if comments[number]:

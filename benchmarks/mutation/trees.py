@@ -21,7 +21,7 @@ MEMORY = 10 << 30
 _IGNORED = shutil.ignore_patterns(
     "__pycache__", ".git", ".venv", "runs", "build", "dist", "*.egg-info", ".*_cache", ".hypothesis"
 )
-_FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+?)(?: - (.*))?$", re.MULTILINE)
+_FAILED = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - (.*))?$", re.MULTILINE)
 
 
 @dataclass(frozen=True)

@@ -138,3 +138,41 @@ def test_a_discrete_action_among_several_is_an_int():
     assert isinstance(program.interface.actions[1].domain, Choice)
     gear, steer = controller_of(program).step([50.0] * 8)
     assert type(gear) is int and type(steer) is float
+
+
+def test_a_reset_forgets_the_status():
+    controller = controller_of(program_of(SUMMING))
+    assert (controller.status, controller.sensor_status()) == (0, {"x": 0})
+    controller.step([math.nan])
+    assert (controller.status, controller.sensor_status()) == (1, {"x": 1})
+    controller.reset()
+    assert (controller.status, controller.sensor_status()) == (0, {"x": 0})
+
+
+def test_predict_before_any_step_and_without_sensors():
+    still = controller_of(program_of("policy still\naction u : [-1, 1] = 0.5"))
+    actions, states = still.predict(np.array([]))
+    assert actions.tolist() == [0.5] and len(states) == 1
+    pole = controller_of(load_program("cartpole"))
+    action, _ = pole.predict(np.zeros(4))
+    assert action.dtype == np.int64 and action.shape == ()
+    actions, _ = pole.predict(np.zeros((3, 4)))
+    assert actions.dtype == np.int64 and actions.shape == (3,)
+
+
+def test_predict_starts_afresh_for_another_number_of_environments():
+    controller = controller_of(program_of(SUMMING))
+    assert controller.predict(np.array([[1.0]]))[0].tolist() == [[3.0]]
+    assert controller.predict(np.array([[2.0], [5.0]]))[0].tolist() == [[6.0], [15.0]]
+    assert controller.predict(np.array([[2.0], [5.0]]))[0].tolist() == [[6.0], [15.0]]
+    assert controller.predict(np.array([[3.0], [6.0]]))[0].tolist() == [[7.0], [16.0]]
+
+
+def test_parameters_of_a_binary32_controller_are_rounded():
+    program = program_of(
+        "policy scaled\nsensor x : [0, 1] = 0\nparam k = 1\naction u : [0, 9] = k * peek(x, -1)"
+    )
+    controller = python_controller(program, "float").with_params({"k": 0.1}).controller
+    assert controller.params == {"k": 0.10000000149011612}
+    assert controller.step([1.0]) == (0.10000000149011612,)
+    assert controller_of(program, k=0.1).step([1.0]) == (0.1,)

@@ -7,9 +7,11 @@ from pirlc.ir.controller import (
     Channel,
     Declare,
     Define,
+    Kind,
     Loop,
     Operation,
     Select,
+    Set,
     declared,
     expressions,
     worst_path,
@@ -128,3 +130,114 @@ def test_previous_actions_are_kept_where_they_are_read():
 def test_lowering_is_deterministic():
     for name in NAMES:
         assert lower(load_program(name)) == lower(load_program(name))
+
+
+def loops(made) -> list[int]:
+    """How many times each loop of the controller runs, outer ones first."""
+    return [s.index.count for s in made.statements if isinstance(s, Loop)]
+
+
+def test_folds_over_eight_elements_are_written_out_and_over_nine_are_not():
+    for operator in ("+", "*", "min", "max"):
+        assert loops(controller(f"fold({operator}, x)", "window 8")) == []
+        assert loops(controller(f"fold({operator}, x)", "window 9")) == [8]
+    own = "fold(\\v acc -> acc * 0.5 + v, x, 1)"
+    assert loops(controller(own, "window 8")) == []
+    assert loops(controller(own, "window 9")) == [9]
+    assert loops(controller("fold(+, diff(x))", "window 9")) == []
+
+
+def test_folds_in_folds_do_not_multiply():
+    nested = "fold(\\v acc -> acc + v * fold(+, x), x, 1)"
+    assert loops(controller(nested, "window 3")) == [3]
+    assert loops(controller(nested, "window 1")) == []
+
+
+def test_accumulators_bear_the_name_of_what_they_gather():
+    for operator, name in (("+", "sum"), ("*", "product"), ("min", "least"), ("max", "greatest")):
+        made = controller(f"fold({operator}, x)", "window 20")
+        assert declared(made.statements)[:2] == [name, "i"]
+    assert declared(controller("fold(min, x)", "window 3").statements) == ["least", "u"]
+
+
+def test_short_conditionals_are_one_expression():
+    def is_expression(consequent: str) -> bool:
+        made = controller(f"if peek(x, -1) > 0 then {consequent} else 2", "window 2")
+        found = any(isinstance(e, Select) for e in expressions(made.statements))
+        assert found != any(isinstance(s, Branch) for s in made.statements)
+        return found
+
+    # Three nodes for each of the readings, one for each sum, one for the 2: twelve, and thirteen.
+    readings = " + ".join(["peek(x, -1)"] * 3)
+    assert is_expression(readings)
+    assert not is_expression(f"abs({readings})")
+    for larger in ("if peek(y, -1) > 0 then 1 else 3", "let a = 1 in a", "fold(+, x)"):
+        assert not is_expression(f"({larger})")
+
+
+def test_what_an_operator_mentions_twice_is_computed_once():
+    for action in (
+        "min(peek(x, -1) * 2, 1)",
+        "sign(peek(x, -1) - 0.5)",
+        "clip(0 - peek(x, -1), 0, 1)",
+    ):
+        made = controller(action)
+        assert len(made.statements) == 2
+        assert declared(made.statements) == ["part", "u"]
+        assert worst_path(made.statements) == 2
+    assert declared(controller("abs(peek(x, -1) - 0.5)").statements) == ["u"]
+
+
+def test_parts_of_tall_expressions_have_the_kind_of_their_value():
+    guard = " and ".join(f"peek(x, -1) > {k}" for k in range(30))
+    made = controller(f"if {guard} then 1 else 0")
+    parts = [s.local for s in made.statements if isinstance(s, Define)]
+    assert parts and {part.kind for part in parts} == {Kind.BOOL}
+    made = controller("let a = peek(x, -1) > 0 in if a and peek(y, -1) > 1 then 1 else 0")
+    assert [s.local.kind for s in made.statements if isinstance(s, Define)] == [Kind.BOOL]
+    made = controller(" + ".join(["peek(x, -1)"] * 150))
+    assert {s.local.kind for s in made.statements if isinstance(s, Define)} == {Kind.REAL}
+    tallest = max(e.height for e in expressions(made.statements) if isinstance(e, Operation))
+    assert tallest == 21
+
+
+def test_discrete_actions_and_what_they_remember_are_discrete():
+    outputs = lower(load_program("two_actions")).outputs
+    assert {o.name: o.raw.kind for o in outputs} == {"steer": Kind.REAL, "gear": Kind.DISCRETE}
+    made = lower(
+        program_of(
+            """
+            policy kinds
+            sensor x : [0, 1] = 0
+            action u : {0, 1, 2} =
+                let before = previous(u) in
+                let next = if peek(x, -1) > 0.5 then 1 else (if peek(x, -1) > 0.2 then 2 else 0) in
+                if before == next then before else next
+            """
+        )
+    )
+    kinds = {s.local.name: s.local.kind for s in made.statements if isinstance(s, Declare)}
+    assert set(kinds.values()) == {Kind.DISCRETE} and len(kinds) > 1
+
+
+def test_branches_and_loops_are_left_out_with_what_they_compute():
+    unused = "let a = if peek(x, -1) > 0 then fold(+, y) else fold(max, y) in "
+    made = controller(unused + "peek(x, -1)", "window 20")
+    assert [type(s) for s in made.statements] == [Declare]
+    half = controller(
+        "if peek(x, -1) > 0 then (let a = fold(+, y) in fold(max, x)) else fold(min, x)",
+        "window 20",
+    )
+    [branch] = [s for s in half.statements if isinstance(s, Branch)]
+    assert [type(s) for s in branch.consequent] == [Declare, Loop, Set]
+    assert [channel.depth for channel in half.channels] == [20, 0]
+
+
+def test_both_sides_of_a_conditional_compute_for_themselves():
+    made = controller(
+        "let e = x * 2 in if peek(y, -1) > 0 then peek(e, -1) + 1 else (let b = 1 in peek(e, -1))",
+        "window 2",
+    )
+    [branch] = [s for s in made.statements if isinstance(s, Branch)]
+    assert [s.local.name for s in branch.consequent if isinstance(s, Define)] == ["e_0"]
+    assert [s.local.name for s in branch.alternative if isinstance(s, Define)] == ["e_0_2"]
