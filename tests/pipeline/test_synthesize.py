@@ -107,6 +107,11 @@ def test_what_a_run_leaves(whole: SynthesisResult) -> None:
         "c/pole.h",
         "python/pole.py",
         "search.png",
+        "verification.json",
+        "analysis.json",
+        "traces.json",
+        "report.html",
+        "report.json",
     }
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["state"] == "finished"
@@ -117,6 +122,21 @@ def test_what_a_run_leaves(whole: SynthesisResult) -> None:
     met = [json.loads(line) for line in lines(folder / "candidates.jsonl")]
     assert {"size", "loss", "mean_return", "values", "derivations"} <= met[0].keys()
     assert any(entry["stage"] == "refine" for entry in met)
+
+
+def test_a_run_ends_with_what_is_known_of_the_program(whole: SynthesisResult) -> None:
+    dossier, folder = whole.dossier, folder_of(whole)
+    assert dossier is not None
+    proofs = dossier.verification
+    assert [str(found.evidence) for found in proofs.emitted] == ["proved", "proved"]
+    assert [bound.action for bound in proofs.bounds] == ["Push"]
+    assert dossier.analysis.plant is not None
+    assert [relay.action for relay in dossier.analysis.relays] == ["Push"]
+    stored = json.loads((folder / "verification.json").read_text())
+    assert stored["emitted"][0]["evidence"]["kind"] == "proved"
+    traces = json.loads((folder / "traces.json").read_text())
+    assert traces["seed"] == 1_000_000 and len(traces["distance"]) == traces["steps"]
+    assert "The program states no property to prove." in dossier.verdict
 
 
 def test_the_same_command_again_only_reads_the_journal(
