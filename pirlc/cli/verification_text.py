@@ -11,9 +11,10 @@ from pirlc.diagnostics import render
 from pirlc.ir.evidence import Evidence, Kind
 from pirlc.ir.layout import number_text
 from pirlc.ir.policy import ActionSpec, Choice, Continuous, Program, Property
-from pirlc.ir.terms import ActionRef, PreviousAction, SensorRef, subterms
+from pirlc.ir.terms import PreviousAction, subterms
 from pirlc.semantics.precision import to_binary32
 from pirlc.source import SourceText
+from pirlc.verify.cone import concerned
 from pirlc.verify.findings import PropertyFinding, Replay, Verification
 from pirlc.verify.problems import problems_of
 
@@ -88,7 +89,7 @@ def replay_text(
     """
     interface, history = program.interface, replay.history
     everything = {s.name for s in interface.sensors} | {a.name for a in interface.actions}
-    names = everything if concerning is None else _concerned(program, concerning)
+    names = everything if concerning is None else concerned(program, concerning)
     actions = [spec for spec in interface.actions if spec.name in names]
     sensors = {name: values for name, values in history.readings.items() if name in names}
     looking_back = _looked_back_at(program, concerning)
@@ -124,28 +125,6 @@ def _columns(spec: ActionSpec) -> list[str]:
             return [f"raw({spec.name})", spec.name]
         case Choice():
             return [spec.name]
-
-
-def _concerned(program: Program, claim: Property) -> set[str]:
-    """The sensors and actions that a property, or what it depends on, mentions."""
-    bodies = {
-        spec.name: body
-        for spec, body in zip(program.interface.actions, program.bodies, strict=True)
-    }
-    found: set[str] = set()
-    waiting = [claim.body]
-    while waiting:
-        for term in subterms(waiting.pop()):
-            match term:
-                case SensorRef(name):
-                    found.add(name)
-                case ActionRef(name) | PreviousAction(name):
-                    if name not in found:
-                        found.add(name)
-                        waiting.append(bodies[name])
-                case _:
-                    pass
-    return found
 
 
 def _looked_back_at(program: Program, claim: Property | None) -> set[str]:

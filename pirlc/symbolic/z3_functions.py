@@ -68,6 +68,18 @@ def _up(x: Fraction) -> Fraction:
     return -_down(-x)
 
 
+def _shortened(low: Fraction, high: Fraction) -> tuple[Fraction, Fraction]:
+    """Short rationals around the two, some nine digits apart: z3's sums are as slow as its numbers
+    are long."""
+    size = max(abs(low), abs(high))
+    unit = Fraction(2) ** (-32 + _magnitude(size)) if size else Fraction(1, 2**32)
+    return (low // unit) * unit, -((-high) // unit) * unit
+
+
+def _magnitude(x: Fraction) -> int:
+    return x.numerator.bit_length() - x.denominator.bit_length()
+
+
 @dataclass
 class Functions:
     """The occurrences of the three functions in one context, and what is known of them."""
@@ -109,12 +121,12 @@ class Functions:
 
         def define(y: Term) -> Iterable[Truth]:
             yield y > 0
-            places = [(p, *exp_enclosure(p)) for p in _EXP_PLACES]
+            places = [(p, *_shortened(*exp_enclosure(p))) for p in _EXP_PLACES]
             for p, low, _ in places:
                 # Below its tangent's zero the tangent says nothing, and y > 0 holds.
                 yield y >= self._term(low) * (x - self._term(p) + 1)
             for (p, _, high), (q, _, higher) in pairwise(places):
-                slope = (higher - high) / (q - p)
+                _, slope = _shortened(*((higher - high) / (q - p),) * 2)
                 chord = self._term(high) + self._term(slope) * (x - self._term(p))
                 inside = z3.And(x >= self._term(p), x <= self._term(q))
                 yield z3.Implies(inside, y <= chord)
@@ -131,7 +143,7 @@ class Functions:
             return Fraction(0) if x == 0 else self._enclosed("tanh", *tanh_enclosure(x))
 
         def define(y: Term) -> Iterable[Truth]:
-            places = [(p, *tanh_enclosure(p)) for p in _TANH_PLACES]
+            places = [(p, *_shortened(*tanh_enclosure(p))) for p in _TANH_PLACES]
             for mirrored in (1, -1):
                 u, v = mirrored * x, mirrored * y
                 yield v < 1

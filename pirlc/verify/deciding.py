@@ -22,6 +22,7 @@ from pirlc.verify.asking import (
     replayed,
 )
 from pirlc.verify.claims import question
+from pirlc.verify.cone import concerned
 from pirlc.verify.model import ORDINARY, Circumstances, Perturbation, unroll
 from pirlc.verify.ranges import running_ranges
 from pirlc.verify.rounding import rounding
@@ -48,7 +49,9 @@ def answer_to(
     if size > LARGEST:
         answer: Answer = Undecided(f"too large for z3: {size:,} operations over the steps")
     else:
-        asked = question(claim, unroll(program, claim.steps, circumstances))
+        asked = question(
+            claim, unroll(program, claim.steps, circumstances, None, concerned(program, claim))
+        )
         answer = ask(asked, claim, limits, BINARY64)
     if not isinstance(answer, Undecided) or circumstances != ORDINARY:
         return answer
@@ -96,7 +99,7 @@ def prove_perturbed(
     size = cost(program, claim)
     if size > LARGEST:
         return Undecided(f"too large for z3: {size:,} operations over the steps")
-    asked = question(claim, unroll(program, claim.steps, perturbation=off))
+    asked = question(claim, unroll(program, claim.steps, ORDINARY, off, concerned(program, claim)))
     return ask(asked, claim, limits, off.precision)
 
 

@@ -12,6 +12,7 @@ applied is free in the action's range: a NaN gives the safe value, an infinity a
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -20,7 +21,7 @@ from itertools import pairwise
 
 import z3
 
-from pirlc.ir.policy import ActionSpec, Choice, Continuous, Hold, Program
+from pirlc.ir.policy import ActionSpec, Choice, Continuous, Hold, Program, Sensor
 from pirlc.semantics.precision import BINARY64, Precision, middle, widened
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import BodyForm, Form, GuardKey, Inputs, Records, exactly
@@ -122,9 +123,11 @@ def unroll(
     steps: int,
     circumstances: Circumstances = ORDINARY,
     perturbation: Perturbation | None = None,
+    concerned: frozenset[str] | None = None,
 ) -> Model:
-    """The program over `steps` steps."""
-    return _Unrolling(program, steps, circumstances, perturbation).model()
+    """The program over `steps` steps; with `concerned` only these of its actions, which must look
+    at the previous ones of no others."""
+    return _Unrolling(program, steps, circumstances, perturbation, concerned).model()
 
 
 def working_range(spec: ActionSpec, precision: Precision = BINARY64) -> tuple[Fraction, Fraction]:
@@ -136,9 +139,15 @@ def working_range(spec: ActionSpec, precision: Precision = BINARY64) -> tuple[Fr
 
 def reading_range(program: Program, sensor: str) -> tuple[Fraction, Fraction]:
     """The range of a sensor's good readings, widened outward to binary32."""
-    declared = program.interface.sensor(sensor)
-    low, high = widened(declared.lower, declared.upper)
+    low, high = finite_range(program.interface.sensor(sensor))
     return Fraction(low), Fraction(high)
+
+
+def finite_range(sensor: Sensor) -> tuple[float, float]:
+    """The widened range without the infinities beyond the largest binary32 number, which are no
+    good readings."""
+    low, high = widened(sensor.lower, sensor.upper)
+    return max(low, -sys.float_info.max), min(high, sys.float_info.max)
 
 
 def failing_sensors(program: Program) -> tuple[str, ...]:
@@ -157,9 +166,11 @@ class _Unrolling:
         steps: int,
         circumstances: Circumstances,
         perturbation: Perturbation | None,
+        concerned: frozenset[str] | None,
     ) -> None:
         self.program = program
         self.count = steps
+        self.concerned = concerned
         self.circumstances = circumstances
         self.perturbation = perturbation
         self.precision = perturbation.precision if perturbation else BINARY64
@@ -270,6 +281,8 @@ class _Unrolling:
         applied: dict[str, Form] = {}
         records: dict[str, Records] = {}
         for spec, body in zip(program.interface.actions, program.bodies, strict=True):
+            if self.concerned is not None and spec.name not in self.concerned:
+                continue
             form = BodyForm(spec.name, inputs, self.functions, self._margin)
             result = form.run(body)
             self.constraints.extend(form.constraints)

@@ -13,8 +13,9 @@ from fractions import Fraction
 
 from pirlc.ir.policy import ActionSpec, Choice, Continuous, Program, Sensor
 from pirlc.semantics.interpreter import SensorState, State, initial_state, step
-from pirlc.semantics.precision import BINARY64, Precision, to_binary32, widened
+from pirlc.semantics.precision import BINARY64, Precision, to_binary32
 from pirlc.verify.findings import History, Replay, Step
+from pirlc.verify.model import finite_range
 
 
 @dataclass(frozen=True)
@@ -116,10 +117,10 @@ def near_reading(
     sensor: Sensor, value: Fraction, precision: Precision, digits: int | None = None
 ) -> float:
     """A number of a precision near a reading, inside the sensor's widened range: the nearest, or
-    with `digits` one that this many decimals of the range's size tell."""
-    low, high = widened(sensor.lower, sensor.upper)
+    with `digits` one that this many decimals tell, relative to the range's ends."""
+    low, high = finite_range(sensor)
     if digits is not None:
-        value = round(value, digits - math.ceil(math.log10(high - low)))
+        value = round(value, digits - math.ceil(math.log10(max(-low, high))))
     near = float(value)
     near = near if precision is BINARY64 else to_binary32(near)
     return min(max(near, low), high)

@@ -18,11 +18,11 @@ from pirlc.ir.operators import Operator
 from pirlc.ir.policy import Choice, Continuous, Hold, Program, Property
 from pirlc.ir.types import Type
 from pirlc.semantics.histories import HistorySet, Layout
-from pirlc.semantics.precision import BINARY32, BINARY64, Precision, middle, widened
+from pirlc.semantics.precision import BINARY32, BINARY64, Precision, middle
 from pirlc.semantics.vectorised import apply_actions, compile_plan
 from pirlc.symbolic.walk import Algebra, walk
 from pirlc.symbolic.z3_terms import Term, fraction
-from pirlc.verify.model import Model, failing_sensors
+from pirlc.verify.model import Model, failing_sensors, finite_range
 from pirlc.verify.replay import Trial, near_reading
 
 Reals = NDArray[np.float64]
@@ -115,7 +115,7 @@ def _random_readings(
     length = steps + program.interface.window - 1
     found = {}
     for sensor in program.interface.sensors:
-        low, high = widened(sensor.lower, sensor.upper)
+        low, high = finite_range(sensor)
         anywhere = generator.random((length, count))
         corners = generator.integers(0, 2, (length, count)).astype(np.float64)
         slope = generator.normal(size=count) * 10.0 ** -generator.integers(0, 6, count)

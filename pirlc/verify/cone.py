@@ -1,0 +1,28 @@
+"""What a property depends on; the rest of a program need not be asked about."""
+
+from __future__ import annotations
+
+from pirlc.ir.policy import Program, Property
+from pirlc.ir.terms import ActionRef, PreviousAction, SensorRef, subterms
+
+
+def concerned(program: Program, claim: Property) -> frozenset[str]:
+    """The sensors and actions that a property, or what it depends on, mentions."""
+    bodies = {
+        spec.name: body
+        for spec, body in zip(program.interface.actions, program.bodies, strict=True)
+    }
+    found: set[str] = set()
+    waiting = [claim.body]
+    while waiting:
+        for term in subterms(waiting.pop()):
+            match term:
+                case SensorRef(name):
+                    found.add(name)
+                case ActionRef(name) | PreviousAction(name):
+                    if name not in found:
+                        found.add(name)
+                        waiting.append(bodies[name])
+                case _:
+                    pass
+    return frozenset(found)
