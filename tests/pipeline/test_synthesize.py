@@ -192,6 +192,23 @@ def test_ctrl_c_leaves_a_program_and_resumes(
     assert resumed.program_file.read_bytes() == whole.program_file.read_bytes()
 
 
+def test_ctrl_c_among_the_proofs_keeps_the_program(
+    whole: SynthesisResult, request_: SynthesisRequest
+) -> None:
+    def interrupt(progress: Progress) -> None:
+        if progress.stage == "analyze":
+            raise KeyboardInterrupt
+
+    shutil.copytree(folder_of(whole), request_.folder, dirs_exist_ok=True)
+    cut = synthesize(request_, interrupt, lambda _: None)
+    assert cut.ending is Ending.INTERRUPTED and cut.dossier is None
+    assert cut.returns == whole.returns
+    manifest = request_.folder / "manifest.json"
+    assert json.loads(manifest.read_text())["state"] == "interrupted"
+    assert run(request_).dossier is not None
+    assert json.loads(manifest.read_text())["state"] == "finished"
+
+
 def test_without_oracle_and_without_refinement(request_: SynthesisRequest) -> None:
     stages: list[str] = []
     result = run(replace(request_, oracle=None, plan=Plan(refine=False)), stages)
