@@ -37,6 +37,9 @@ _KINDS = (
     "a quadratic function for each three modes in turn",
     "a quadratic function for each four modes in turn",
 )
+_NOT_EVERY_ORDER = (
+    "what is refuted is that every order of the modes does; the guards choose an order of their own"
+)
 _BEYOND = 1e-7
 """A spectral radius is on the border where it is no farther from 1 than this."""
 
@@ -85,6 +88,7 @@ def decide(
     tried: list[str] = []
 
     def finding(evidence: Evidence, found: Lyapunov | None = None) -> SwitchingFinding:
+        refuted = (_NOT_EVERY_ORDER,) if evidence.kind is Kind.REFUTED else ()
         pieces = {} if found is None else dict(zip(found.words, found.matrices, strict=True))
         return SwitchingFinding(
             modes=tuple(names),
@@ -93,7 +97,7 @@ def decide(
             decay=None if found is None else found.decay,
             evidence=evidence,
             tried=tuple(tried),
-            notes=tuple(notes),
+            notes=(*notes, *refuted),
             pieces={
                 ", then ".join(called[i] for i in word): matrix
                 for word, matrix in pieces.items()

@@ -63,8 +63,10 @@ def find_rest(system: Resettable, state: Vector, action: Vector, identifier: str
     worst = float(np.max(np.abs(drift(best.x))))
     if not worst <= REST:
         raise failure(NoEquilibrium(identifier, worst))
-    found = tuple(map(float, best.x[: system.size]))
-    chosen = tuple(map(float, best.x[system.size :] if free else action))
+    # The last digits are where the search happened to stop.
+    rest = np.round(best.x, 12) + 0.0
+    found = tuple(map(float, rest[: system.size]))
+    chosen = tuple(map(float, rest[system.size :] if free else action))
     return OperatingPoint("at rest", found, chosen)
 
 

@@ -129,7 +129,8 @@ def identify_plant(subject: Subject, simulator: Simulator, rollouts: Rollouts) -
     models = [
         _identified(subject, actions, sensors, usable) for actions, sensors in _groups(subject)
     ]
-    return _joined(subject, simulator, rollouts, models)
+    seen = np.mean(np.concatenate([y for y, _ in usable]), axis=0)
+    return _joined(subject, simulator, rollouts, models, seen)
 
 
 @dataclass(frozen=True)
@@ -219,8 +220,13 @@ def _fit(pairs: Sequence[tuple[Vector, Vector]]) -> Vector:
 
 
 def _joined(
-    subject: Subject, simulator: Simulator, rollouts: Rollouts, models: Sequence[Identified]
+    subject: Subject,
+    simulator: Simulator,
+    rollouts: Rollouts,
+    models: Sequence[Identified],
+    seen: Vector,
 ) -> Plant:
+    """`seen` (d,): the mean observation, for the sensors that only conditions read."""
     systems = [model.chosen.model.state_space() for model in models]
     inputs = [action for model in models for action in model.actions]
     outputs = [sensor for model in models for sensor in model.sensors]
@@ -256,6 +262,8 @@ def _joined(
     )
     for state in states:
         operating.setdefault(state, 0.0)
+    for sensor in subject.program.interface.sensors:
+        operating.setdefault(sensor.name, float(seen[sensor.index]))
     for action in subject.actions:
         operating.setdefault(action.name, float(action.safe))
     kept: list[Any] = [outputs[place] for place in order]
