@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from pirlc.analyze.findings import (
 )
 from pirlc.analyze.margins import margins_of
 from pirlc.analyze.problems import Disagreement, error
-from pirlc.analyze.realisation import Complex, Real, Realisation, angles
+from pirlc.analyze.realisation import Complex, Real, Realisation, angles, phase_crossings
 from pirlc.analyze.schur import LARGEST, is_schur
 from pirlc.ir.evidence import Evidence, Kind
 
@@ -112,6 +113,8 @@ def loop_of(
         wrong = [check for check in checks if failed(check)]
         if wrong:
             raise error(Disagreement(leaf.name, tuple(wrong)))
+    if len(loop.b) and not visible:
+        notes.append(_mending(loop))
     held = [name for name in plant.inputs if name not in {leaf.action, *(o.action for o in others)}]
     return LoopFinding(
         action=leaf.action,
@@ -128,6 +131,23 @@ def loop_of(
         evidence=how,
         notes=tuple(notes),
     )
+
+
+def _mending(loop: Realisation) -> str:
+    """Which factors of gain would make an unstable loop stable."""
+    factors = []
+    for theta in phase_crossings(loop):
+        value = loop.at(np.array([np.exp(1j * theta)]))[0]
+        factors.append(-1.0 / float(value.real))
+    edges = [0.0, *sorted(factors), math.inf]
+    ranges = []
+    for low, high in pairwise(edges):
+        middle = 2.0 * low + 1.0 if math.isinf(high) else 0.5 * (low + high)
+        if np.all(np.abs(loop.closed(middle)) < 1.0 - _CIRCLE):
+            ranges.append(f"between {low:.4g} and {high:.4g}")
+    if not ranges:
+        return "no factor of gain makes this loop stable"
+    return f"with its gain multiplied by a factor {' or '.join(ranges)} this loop would be stable"
 
 
 def _number(z: complex) -> str:

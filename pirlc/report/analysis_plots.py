@@ -61,7 +61,10 @@ def _plots(analysis: Data, most_loops: int) -> Iterator[Plot]:
     unit = "s" if analysis["sample_time"] is not None else "steps"
     rate = "rad/s" if analysis["sample_time"] is not None else "rad/step"
     active = [leaf["name"] for leaf in analysis["leaves"] if leaf["active"]]
-    numbered = list(enumerate(analysis["loops"]))
+    # A loop whose action moves nothing that it reads has no response to draw.
+    numbered = [
+        (i, loop) for i, loop in enumerate(analysis["loops"]) if loop["response"]["frequencies"]
+    ]
     first = sorted(numbered, key=lambda pair: pair[1]["leaf"] not in active)[:most_loops]
     for i, loop in sorted(first, key=lambda pair: pair[0]):
         leaf, at = loop["leaf"], f"/loops/{i}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from fractions import Fraction
 
 import numpy as np
@@ -103,6 +104,14 @@ def test_an_unstable_loop_has_no_margins_and_says_so_exactly():
     assert (loop.stable, loop.margins, loop.step) == (False, None, None)
     assert loop.poles[0].magnitude > 1.0
     assert loop.evidence.kind is Kind.LINEARISED
+    (note,) = loop.notes
+    found = re.fullmatch(
+        r"with its gain multiplied by a factor between 0 and (.*) this loop would be stable", note
+    )
+    for share, stable in ((0.999, True), (1.001, False)):
+        text = ENGINE.replace("{latency}", "latency 9").replace("{setpoint}", "0").rstrip()
+        changed = text.replace("safe 0 = ", f"safe 0 = {share * float(found[1])} * (") + ")\n"
+        assert analyze(program_of(changed), SPEED).loops[0].stable is stable
 
 
 def test_a_drift_that_no_sensor_shows_is_told():

@@ -12,6 +12,7 @@ from pirlc.analyze.analysis import analyze
 from pirlc.report.analysis_plots import plots, write_plots
 from pirlc.report.data import as_data
 from tests.support.analysis import plant_of, program_of
+from tests.support.pages import resolved
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,11 @@ def test_each_loop_has_its_plots(data):
 
 def test_they_stand_inline_on_one_page(data):
     ids = []
-    for text in plots(data).values():
+    for pointer, text in plots(data).values():
+        part = data
+        for key in pointer.split("/")[1:]:
+            part = part[int(key)] if isinstance(part, list) else part[key]
+        assert part
         root = ET.fromstring(text)
         assert root.tag.endswith("svg")
         assert "<?xml" not in text and "metadata" not in text
@@ -56,3 +61,9 @@ def test_png_files(data, tmp_path: Path):
     assert [path.stem for path in paths] == list(plots(data))
     before = [path.read_bytes() for path in paths]
     assert [path.read_bytes() for path in write_plots(data, tmp_path / "plots")] == before
+
+
+def test_of_many_loops_those_in_force_are_drawn(data):
+    assert {name.rpartition("-")[0] for name in plots(data, most_loops=1)} == {
+        leaf["name"].replace(" ", "-") for leaf in data["leaves"] if leaf["active"]
+    }
