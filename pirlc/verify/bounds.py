@@ -15,11 +15,13 @@ from fractions import Fraction
 import z3
 
 from pirlc.ir.evidence import PROVED, Evidence, Kind, unknown
-from pirlc.ir.policy import ActionSpec, Choice, Continuous, Program
+from pirlc.ir.policy import ActionSpec, Choice, Continuous, Program, Property
+from pirlc.ir.terms import Literal
 from pirlc.semantics.precision import BINARY32, BINARY64
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_terms import Real, Truth
 from pirlc.verify.asking import DEFAULT_LIMITS, Limits
+from pirlc.verify.deciding import LARGEST, cost
 from pirlc.verify.enclosure import Enclosure, Interval, IntervalStep, enclose, needed
 from pirlc.verify.exact import NotRational, exact_steps
 from pirlc.verify.extremes import CLOSE, Supremum, limited, supremum, why
@@ -28,8 +30,10 @@ from pirlc.verify.model import Model, unroll
 from pirlc.verify.replay import Trial, as_replay, run
 from pirlc.verify.rounding import rounding
 
-BOXES = 600
-"""The boxes that branch and bound looks at for one bound."""
+OPERATIONS = 150_000
+"""What branch and bound may cost for one bound, in operations on intervals."""
+
+TOO_LARGE = unknown("too large for z3")
 
 
 def bounds(
@@ -93,10 +97,18 @@ def restricted(program: Program, action: str) -> Program:
     )
 
 
+def operations(program: Program, steps: int) -> int:
+    """About how many operations a model of so many steps has."""
+    return cost(program, Property("", Literal(0.0), steps))
+
+
 def _continuous(program: Program, spec: ActionSpec, limits: Limits) -> ActionBounds:
     part = restricted(program, spec.name)
-    asked = _Asked(program, part, spec, limits, {n: unroll(part, n) for n in (1, 2)})
     off = {p: rounding(program, p).steps[0].raw[spec.name] for p in (BINARY64, BINARY32)}
+    if operations(part, 2) > LARGEST:
+        no = Extreme(None, False, TOO_LARGE)
+        return ActionBounds(spec.name, no, no, no, no, no, no, off[BINARY64], off[BINARY32])
+    asked = _Asked(program, part, spec, limits, {n: unroll(part, n) for n in (1, 2)})
     return ActionBounds(
         action=spec.name,
         raw_lower=asked.extreme(applied=False, sign=-1),
@@ -167,7 +179,8 @@ class _Asked:
         return Supremum(None, False, unknown(reason), found.trial)
 
     def _enclosed(self, wanted: Quantity) -> Supremum:
-        found = enclose(self.part, [self.spec.name], wanted.steps, wanted.over, BOXES)
+        evaluations = OPERATIONS // max(1, operations(self.part, wanted.steps))
+        found = enclose(self.part, [self.spec.name], wanted.steps, wanted.over, evaluations)
         trial = _trial(self.part, found, wanted.steps)
         if found.lower is None or found.upper is None:
             return Supremum(None, False, unknown(_words(found, wanted.sign)), trial)
@@ -224,7 +237,10 @@ def _words(found: Enclosure, sign: int) -> str:
 def _choice(
     program: Program, spec: ActionSpec, values: tuple[int, ...], limits: Limits
 ) -> ChoiceBounds:
-    model = unroll(restricted(program, spec.name), 1)
+    part = restricted(program, spec.name)
+    if operations(part, 1) > LARGEST:
+        return ChoiceBounds(spec.name, (), (), TOO_LARGE)
+    model = unroll(part, 1)
     result = model.steps[0].raw[spec.name].value
     reached, never, open_ = [], [], []
     reason = ""

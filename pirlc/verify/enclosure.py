@@ -21,8 +21,8 @@ from pirlc.ir.operators import Operator
 from pirlc.ir.policy import Choice, Continuous, Program
 from pirlc.ir.terms import PreviousAction, subterms
 from pirlc.ir.types import Type
-from pirlc.semantics.precision import widened
 from pirlc.symbolic.walk import Algebra, walk
+from pirlc.verify.model import finite_range
 
 CLOSE = Fraction(1, 10**9)
 """How near a bound must be to a value that some history gives."""
@@ -70,22 +70,28 @@ class Enclosure:
 
 
 def enclose(
-    program: Program, actions: Sequence[str], steps: int, objective: Objective, boxes: int
+    program: Program, actions: Sequence[str], steps: int, objective: Objective, evaluations: int
 ) -> Enclosure:
     """The supremum of an objective of some actions over all histories of good readings, wherever
     it is defined."""
     saved = iv.prec
     iv.prec = _DIGITS
     try:
-        return _Search(program, actions, steps, objective).run(boxes)
+        return _Search(program, actions, steps, objective, evaluations).run()
     finally:
         iv.prec = saved
 
 
 class _Search:
     def __init__(
-        self, program: Program, actions: Sequence[str], steps: int, objective: Objective
+        self,
+        program: Program,
+        actions: Sequence[str],
+        steps: int,
+        objective: Objective,
+        evaluations: int,
     ) -> None:
+        self.left = evaluations
         self.program = program
         self.steps = steps
         self.objective = objective
@@ -101,6 +107,7 @@ class _Search:
         }
 
     def value(self, box: Box) -> Interval:
+        self.left -= 1
         return self.objective(self._evaluate(box))
 
     def at(self, point: Mapping[Place, float]) -> Fraction | None:
@@ -158,13 +165,13 @@ class _Search:
 
         return before
 
-    def run(self, boxes: int) -> Enclosure:
+    def run(self) -> Enclosure:
         whole = self.top(self.start)
         best, point = self._seen(whole)
         used = 0
         settled: list[Fraction | None] = []
         heap = [_Promise.of(whole, 0, self.start)]
-        while heap and used < boxes:
+        while heap and self.left > 0:
             promise = heap[0]
             if promise.top is None and used >= _HOPELESS:
                 break
@@ -194,10 +201,11 @@ class _Search:
         """The best of some corners and middles, improved a reading at a time, unless `most`, which
         nothing exceeds, is reached before."""
         rng = random.Random(1)
+        enough = self.left // 2
         point: Mapping[Place, float] = {p: a for p, (a, _) in self.start.items()}
         best = self.at(point)
         for start in range(_STARTS if self.order else 0):
-            if most is not None and best == most:
+            if self.left < enough or (most is not None and best == most):
                 break
             here = {p: rng.choice((a, a / 2 + b / 2, b)) for p, (a, b) in self.start.items()}
             if start % 2:
@@ -265,7 +273,7 @@ def _whole(program: Program, steps: int) -> Box:
     box: Box = {}
     for sensor in interface.sensors:
         for i in range(interface.window + steps - 1):
-            box[sensor.name, i] = widened(sensor.lower, sensor.upper)
+            box[sensor.name, i] = finite_range(sensor)
     for action in interface.actions:
         if isinstance(action.domain, Continuous):
             box[action.name, -1] = (action.domain.lower, action.domain.upper)

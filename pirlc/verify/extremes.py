@@ -29,6 +29,9 @@ from pirlc.verify.replay import Trial, as_replay, near_reading, run
 CLOSE = Fraction(1, 10**9)
 """How near a witness comes to a supremum."""
 
+_PATIENCE = 1.0
+"""Seconds for one nonlinear question."""
+
 _HAIR = Fraction(1, 10**30)
 _ROOMS = (Fraction(1, 10**6), Fraction(1, 10**9), Fraction(1, 10**12), Fraction(1, 10**14))
 """How far a witness is asked to stay from where guards turn."""
@@ -110,10 +113,16 @@ def _numeral(value: Term) -> Fraction | None:
 
 
 def limited(model: Model, limits: Limits) -> z3.Solver:
-    """A solver with the model's constraints, under the limits."""
+    """A solver with the model's constraints, under the limits.
+
+    z3's count of its work says little of nonlinear questions, which get some time at most.
+    """
     solver = model.solver(limits.work)
-    if limits.seconds is not None:
-        solver.set("timeout", max(1, round(limits.seconds * 1000)))
+    seconds = limits.seconds
+    if model.functions.nonlinear:
+        seconds = min(_PATIENCE, seconds or _PATIENCE)
+    if seconds is not None:
+        solver.set("timeout", max(1, round(seconds * 1000)))
     return solver
 
 

@@ -15,7 +15,7 @@ from pirlc.ir.operators import Operator
 from pirlc.ir.policy import Choice, Continuous, Program
 from pirlc.ir.printer import term_text
 from pirlc.ir.terms import Apply, Term
-from pirlc.semantics.precision import BINARY32, BINARY64, Precision, widened
+from pirlc.semantics.precision import BINARY32, BINARY64, Precision
 from pirlc.source import Span
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import Partial
@@ -23,7 +23,7 @@ from pirlc.symbolic.z3_terms import Truth
 from pirlc.verify.asking import Limits
 from pirlc.verify.extremes import limited, trial_of, why
 from pirlc.verify.findings import Matter, Remark, Replay
-from pirlc.verify.model import Model
+from pirlc.verify.model import Model, finite_range
 from pirlc.verify.occurrences import failing, occurrences
 from pirlc.verify.replay import Trial, as_replay, run
 from pirlc.verify.rounding import rounding
@@ -186,7 +186,7 @@ def some_trials(program: Program, count: int) -> Iterator[Trial]:
         corners = 1.0 if number < count // 2 else rng.random()
         readings = {}
         for sensor in interface.sensors:
-            low, high = widened(sensor.lower, sensor.upper)
+            low, high = finite_range(sensor)
             ends = [low, high, *([0.0] if low <= 0.0 <= high else [])]
             still = number % 4 == 0
             values = [

@@ -15,10 +15,10 @@ from pirlc.ir.terms import ParameterRef, subterms
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import BodyForm, Form, Inputs
 from pirlc.verify.asking import Limits
-from pirlc.verify.extremes import why
+from pirlc.verify.extremes import limited, why
 from pirlc.verify.findings import Matter, Remark
 from pirlc.verify.hazards import some_trials
-from pirlc.verify.model import new_solver, unroll, working_range
+from pirlc.verify.model import unroll, working_range
 from pirlc.verify.replay import run
 
 _TRIALS = 60
@@ -86,10 +86,7 @@ def _proof(program: Program, parameter: FixedParameter, limits: Limits) -> Evide
             before, after = original.value, changed.value
         differs.append(exact.negation(exact.equal(before, after)))
         differs.append(exact.negation(_alike(original, changed)))
-    solver = new_solver(model.context, model.functions.nonlinear, limits.work)
-    if limits.seconds is not None:
-        solver.set("timeout", max(1, round(limits.seconds * 1000)))
-    solver.add(*model.constraints, *model.functions.axioms)
+    solver = limited(model, limits)
     solver.add(exact.as_term(exact.disjunction(differs), model.context))
     match solver.check():
         case z3.unsat:

@@ -22,7 +22,7 @@ from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import BodyForm, Form, Guard, GuardKey, Inputs
 from pirlc.verify.asking import Limits
 from pirlc.verify.exact import exact_step
-from pirlc.verify.extremes import Supremum, supremum
+from pirlc.verify.extremes import Supremum, limited, supremum
 from pirlc.verify.findings import Extreme, Matter, Remark
 from pirlc.verify.hazards import completed
 from pirlc.verify.model import Model
@@ -134,7 +134,7 @@ def _largest(
         ]
         return abs(Fraction(values[0].raw[key.action]) - Fraction(values[1].raw[key.action]))
 
-    where = [boundary, guard.defined, guard.path, *_turns(model, guard)]
+    where = [boundary, guard.defined, guard.path, *_turns(model, guard, limits)]
     best: Supremum | None = None
     for a, b in (sides, sides[::-1]):
         term = z3.simplify(a - b)
@@ -149,12 +149,12 @@ def _largest(
     return best
 
 
-def _turns(model: Model, guard: Guard) -> Iterator[exact.Truth]:
+def _turns(model: Model, guard: Guard, limits: Limits) -> Iterator[exact.Truth]:
     """False unless the guard has either answer somewhere: else it has no boundary to cross."""
     if guard.relation in (Operator.EQUAL, Operator.NOT_EQUAL):
         return
     for side in (exact.less(guard.a, guard.b), exact.less(guard.b, guard.a)):
-        solver = model.solver()
+        solver = limited(model, limits)
         solver.add(*(exact.as_term(t, model.context) for t in (side, guard.path, guard.defined)))
         if solver.check() == z3.unsat:
             yield False

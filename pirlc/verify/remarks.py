@@ -21,8 +21,8 @@ from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import Branching, Guard
 from pirlc.symbolic.z3_terms import Truth
 from pirlc.verify.asking import DEFAULT_LIMITS, Limits
-from pirlc.verify.bounds import restricted
-from pirlc.verify.deciding import perturbation
+from pirlc.verify.bounds import operations, restricted
+from pirlc.verify.deciding import LARGEST, perturbation
 from pirlc.verify.extremes import limited
 from pirlc.verify.findings import GuardRounding, Matter, Remark
 from pirlc.verify.hazards import hazards, same_place
@@ -36,8 +36,13 @@ OVER_REALS = Evidence(Kind.PROVED, "over the reals; rounding may turn a guard")
 
 
 def remarks(program: Program, limits: Limits = DEFAULT_LIMITS) -> tuple[Remark, ...]:
-    """Everything worth saying about each action, then about parameters."""
+    """Everything worth saying about each action, then about parameters.
+
+    Nothing of programs that are too large to ask about.
+    """
     found: list[Remark] = []
+    if operations(program, 1) > LARGEST:
+        return ()
     for spec in program.interface.actions:
         part = restricted(program, spec.name)
         model = unroll(part, 1)
@@ -118,7 +123,9 @@ def guard_margins(program: Program, limits: Limits = DEFAULT_LIMITS) -> tuple[Gu
 
     A margin of 0: not in that precision.
     """
-    found = []
+    found: list[GuardRounding] = []
+    if operations(program, 1) > LARGEST:
+        return ()
     off = {p: rounding(program, p).steps[0].margins for p in (BINARY64, BINARY32)}
     for spec in program.interface.actions:
         model = unroll(restricted(program, spec.name), 1)
