@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from dataclasses import dataclass
 
@@ -13,10 +14,11 @@ from pirlc.ir.evidence import REFUTED, Evidence, unknown
 from pirlc.ir.evidence import Kind as EvidenceKind
 from pirlc.ir.policy import Program
 from pirlc.lower import lower
-from pirlc.verify.emitted.graph import Graph, LimitReached, Node, NotUnderstood, describe
+from pirlc.verify.emitted.graph import Graph
 from pirlc.verify.emitted.machine import Machine
 from pirlc.verify.emitted.meaning import Meaning, StateNodes
 from pirlc.verify.emitted.memory import Array, Memory
+from pirlc.verify.emitted.nodes import LimitReached, Node, NotUnderstood, describe
 from pirlc.verify.emitted.preprocess import guard_faults, preprocessed
 from pirlc.verify.emitted.relation import (
     INPUT,
@@ -146,7 +148,8 @@ class Comparison:
         except NotUnderstood as reason:
             self._refuse("source", reason)
             return
-        self.compared.append("refusals of other platforms")
+        self.compared += ["refusals of other platforms", "components in the header"]
+        self._components(header)
         for fault in guard_faults(source, loaded.stem, self.real):
             self.differences.append(Difference("platform", fault, "refuses what changes results"))
         for part, compare in (
@@ -161,6 +164,16 @@ class Comparison:
 
     def _refuse(self, part: str, reason: NotUnderstood) -> None:
         self.differences.append(Difference(part, f"not understood: {reason}", ""))
+
+    def _components(self, header: str) -> None:
+        """The header's words on which component of an observation each reading is."""
+        for sensor in self.meaning.interface.sensors:
+            member = self.printer.inputs[sensor.name]
+            wanted = rf"\b{member}; /\* .*, component {sensor.index}, "
+            if not re.search(wanted, header):
+                self.differences.append(
+                    Difference(f"component of {member}", "", f"component {sensor.index}")
+                )
 
     def _defaults(self, loaded: Loaded) -> None:
         self.compared.append("default parameters")

@@ -1,11 +1,5 @@
 """Values as nodes: equal nodes are one object, so that equality is identity.
 
-Grammar::
-
-    Node ::= Real x | Variable v | Operation op Node* | Integer n | Counter v + k
-           | Places ring (n?)* | Unset | Choice Atom Node Node
-    Atom ::= nan Node | Node <= x | Node < Node | Node <= Node | free name
-
 Operations on numbers are opaque: the same operation of the same precision on the same nodes is the
 same node, and nothing else is known of it (but `x - x`, which is +0 or NaN, and the sign of a
 constant). What depends on conditions is a decision diagram: `Choice` nodes in one fixed order of
@@ -24,290 +18,32 @@ Younger groups are asked first: a fold over `if`s is then a list, not a tree.
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 from pirlc.ir.operators import Operator
 from pirlc.semantics.interpreter import ARITHMETIC
-from pirlc.semantics.precision import BINARY32, BINARY64, Precision
+from pirlc.semantics.precision import Precision
+from pirlc.verify.emitted.diagrams import Diagrams
+from pirlc.verify.emitted.nodes import (
+    Atom,
+    Choice,
+    Counter,
+    Integer,
+    Node,
+    NotUnderstood,
+    Operation,
+    Places,
+    Real,
+    Undefined,
+    Variable,
+    describe,
+    precision_of,
+)
 from pirlc.verify.emitted.numbers import LARGEST, below
 
-MOST_NODES = 600_000
-"""More nodes than this and the proof is given up: the limit is a count, so that it is the same on
-every machine."""
 
-
-class LimitReached(Exception):
-    """The proof would take too long."""
-
-
-class NotUnderstood(Exception):
-    """What the C does is outside what is modelled; the argument says what."""
-
-
-class Undefined(NotUnderstood):
-    """C gives it no meaning, should it come to it."""
-
-
-@dataclass(eq=False, slots=True)
-class Real:
-    """A constant of a format; all NaNs are one."""
-
-    serial: int
-    value: float
-    precision: Precision
-
-
-@dataclass(eq=False, slots=True)
-class Variable:
-    """Any number of the format, NaN and infinities too; an integer where there is no format."""
-
-    serial: int
-    name: str
-    precision: Precision | None
-
-
-@dataclass(eq=False, slots=True)
-class Operation:
-    serial: int
-    name: str
-    precision: Precision
-    arguments: tuple[Node, ...]
-
-
-@dataclass(eq=False, slots=True)
-class Integer:
-    serial: int
-    value: int
-
-
-@dataclass(eq=False, slots=True)
-class Counter:
-    """`variable + offset`, in [low, high]."""
-
-    serial: int
-    variable: Variable
-    offset: int
-    low: int
-    high: int
-
-
-@dataclass(eq=False, slots=True)
-class Places:
-    """An integer for every place where a ring's oldest reading may stand; None is no integer.
-
-    `turn`: how far, from each such place, the integer is along the ring; None if that differs, or
-    some integer is no place of the ring.
-    """
-
-    serial: int
-    ring: str
-    values: tuple[int | None, ...]
-    turn: int | None
-
-
-@dataclass(eq=False, slots=True)
-class Unset:
-    """What a variable holds that was never written."""
-
-    serial: int
-
-
-@dataclass(eq=False, slots=True)
-class Choice:
-    """`high` where the atom holds, else `low`."""
-
-    serial: int
-    atom: Atom
-    high: Node
-    low: Node
-    constant: bool
-    unset: bool
-
-
-Node = Real | Variable | Operation | Integer | Counter | Places | Unset | Choice
-
-
-@dataclass(eq=False, slots=True)
-class Atom:
-    """`key` is the place in the order; atoms of a `ladder` imply the next of their group."""
-
-    key: tuple[int, int, float]
-    ladder: bool
-    subjects: tuple[Node, ...]
-    name: str = ""
-
-
-class _Group:
-    """Atoms about the same: one number and constants, or two numbers."""
-
-    def __init__(self, number: int, subjects: tuple[Node, ...]) -> None:
-        self.number = number
-        self.subjects = subjects
-        self.atoms: dict[float, Atom] = {}
-        self.nan: Atom | None = None
-
-    def rung(self, place: float) -> Atom:
-        if place not in self.atoms:
-            self.atoms[place] = Atom((-self.number, 1, place), True, self.subjects)
-        return self.atoms[place]
-
-
-@dataclass
-class Graph:
-    """Makes nodes, each once. With `folding`, operations on constants are computed: what is built
-    from constants alone is then a constant."""
-
-    folding: bool = False
-    _nodes: dict[object, Node] = field(default_factory=dict)
-    _groups: dict[object, _Group] = field(default_factory=dict)
-    _chosen: dict[tuple[Node, Node, Node], Node] = field(default_factory=dict)
-    _mapped: dict[object, Node] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self.false = self.integer(0)
-        self.true = self.integer(1)
-        self.unset: Node = self._made("unset", lambda n: Unset(n))
-
-    def _made(self, key: object, make: Callable[[int], Node]) -> Node:
-        node = self._nodes.get(key)
-        if node is None:
-            serial = len(self._nodes)
-            if serial > MOST_NODES:
-                raise LimitReached
-            node = self._nodes[key] = make(serial)
-        return node
-
-    # Leaves
-
-    def real(self, value: float, precision: Precision) -> Node:
-        bits = b"nan" if value != value else struct.pack("<d", value)
-        return self._made(("real", bits, precision), lambda n: Real(n, value, precision))
-
-    def variable(self, name: str, precision: Precision | None) -> Node:
-        return self._made(("variable", name, precision), lambda n: Variable(n, name, precision))
-
-    def integer(self, value: int) -> Node:
-        return self._made(("integer", value), lambda n: Integer(n, value))
-
-    def counter(self, name: str, low: int, high: int) -> Node:
-        """Any integer in [low, high]."""
-        return self._counted(self.variable(name, None), 0, low, high)
-
-    def _counted(self, variable: Node, offset: int, low: int, high: int) -> Node:
-        assert isinstance(variable, Variable)
-        if low == high:
-            return self.integer(low)
-        key = ("counter", variable, offset)
-        return self._made(key, lambda n: Counter(n, variable, offset, low, high))
-
-    def places(self, ring: str, values: tuple[int | None, ...]) -> Node:
-        first = values[0]
-        if first is not None and all(value == first for value in values):
-            return self.integer(first)
-        return self._made(
-            ("places", ring, values), lambda n: Places(n, ring, values, _turn(values))
-        )
-
-    def free(self, name: str) -> Node:
-        """A truth value that may be either."""
-        group = self._group(("free", name), ())
-        if group.nan is None:
-            group.nan = Atom((-group.number, 0, 0.0), False, (), name)
-        return self._choice(group.nan, self.true, self.false)
-
-    # Decision diagrams
-
-    def _group(self, key: object, subjects: tuple[Node, ...]) -> _Group:
-        group = self._groups.get(key)
-        if group is None:
-            group = self._groups[key] = _Group(len(self._groups), subjects)
-        return group
-
-    def _choice(self, atom: Atom, high: Node, low: Node) -> Node:
-        if high is low:
-            return low
-        if (
-            atom.ladder
-            and isinstance(low, Choice)
-            and low.atom.ladder
-            and low.atom.key[0] == atom.key[0]
-            and low.high is high
-        ):
-            return low
-        constant = all(
-            isinstance(side, Real | Integer) or (isinstance(side, Choice) and side.constant)
-            for side in (high, low)
-        )
-        unset = any(
-            isinstance(side, Unset) or (isinstance(side, Choice) and side.unset)
-            for side in (high, low)
-        )
-        key = ("choice", atom, high, low)
-        return self._made(key, lambda n: Choice(n, atom, high, low, constant, unset))
-
-    def choose(self, condition: Node, high: Node, low: Node) -> Node:
-        """`high` where the condition (a diagram over 1 and 0) holds, else `low`."""
-        if condition is self.true or high is low:
-            return high
-        if condition is self.false:
-            return low
-        if high is self.true and low is self.false:
-            return condition
-        if not isinstance(condition, Choice):
-            raise NotUnderstood(f"a condition that is {describe(condition)}")
-        key = (condition, high, low)
-        known = self._chosen.get(key)
-        if known is None:
-            atom = condition.atom
-            for side in (high, low):
-                if isinstance(side, Choice) and side.atom.key < atom.key:
-                    atom = side.atom
-            known = self._choice(
-                atom,
-                self.choose(_under(condition, atom), _under(high, atom), _under(low, atom)),
-                self.choose(_without(condition, atom), _without(high, atom), _without(low, atom)),
-            )
-            self._chosen[key] = known
-        return known
-
-    def mapped(self, key: object, change: Callable[[Node], Node], node: Node) -> Node:
-        """`change` of every leaf of a diagram; `key` tells this change from others."""
-        if not isinstance(node, Choice):
-            return change(node)
-        name = (key, node)
-        known = self._mapped.get(name)
-        if known is None:
-            high = self.mapped(key, change, node.high)
-            low = self.mapped(key, change, node.low)
-            # Through `choose`, since what leaves become may ask atoms that come before this one.
-            test = self._choice(node.atom, self.true, self.false)
-            known = self._mapped[name] = self.choose(test, high, low)
-        return known
-
-    def mapped2(
-        self, key: object, change: Callable[[Node, Node], Node], left: Node, right: Node
-    ) -> Node:
-        """The same of two diagrams' leaves, pair by pair."""
-        name = (key, left, right)
-        known = self._mapped.get(name)
-        if known is None:
-            known = self._mapped[name] = self.mapped(
-                (key, right, "left"),
-                lambda a: self.mapped((key, a, "right"), lambda b: change(a, b), right),
-                left,
-            )
-        return known
-
-    def negation(self, condition: Node) -> Node:
-        return self.choose(condition, self.false, self.true)
-
-    def both(self, left: Node, right: Node) -> Node:
-        return self.choose(left, right, self.false)
-
-    def either(self, left: Node, right: Node) -> Node:
-        return self.choose(left, self.true, right)
+class Graph(Diagrams):
+    """Makes the nodes of numbers and integers."""
 
     # Numbers
 
@@ -331,17 +67,17 @@ class Graph:
 
     def _opaque(self, name: str, precision: Precision, arguments: tuple[Node, ...]) -> Node:
         key = (name, precision, arguments)
-        return self._made(key, lambda n: Operation(n, name, precision, arguments))
+        return self.made(key, lambda n: Operation(n, name, precision, arguments))
 
     def is_nan(self, x: Node) -> Node:
         if isinstance(x, Real):
             return self.true if x.value != x.value else self.false
         if isinstance(x, Choice) and x.constant:
             return self.mapped("nan", self.is_nan, x)
-        group = self._group(("number", x), (x,))
+        group = self.group(("number", x), (x,))
         if group.nan is None:
             group.nan = Atom((-group.number, 0, 0.0), False, (x,))
-        return self._choice(group.nan, self.true, self.false)
+        return self.choice(group.nan, self.true, self.false)
 
     def is_finite(self, x: Node) -> Node:
         precision = precision_of(x)
@@ -400,13 +136,13 @@ class Graph:
             return self.false
         if place == math.inf:
             return self.true
-        group = self._group(("number", x), (x,))
+        group = self.group(("number", x), (x,))
         rung = group.rung(place if isinstance(place, int) else place + 0.0)  # +0 for -0
-        return self._choice(rung, self.true, self.false)
+        return self.choice(rung, self.true, self.false)
 
     def _pair(self, left: Node, right: Node, place: float) -> Node:
-        group = self._group(("pair", left, right), (left, right))
-        return self._choice(group.rung(place), self.true, self.false)
+        group = self.group(("pair", left, right), (left, right))
+        return self.choice(group.rung(place), self.true, self.false)
 
     # Integers
 
@@ -487,7 +223,7 @@ class Graph:
                     change = sign * b.value
                     if a.low + change < low or a.high + change > high:
                         raise NotUnderstood(f"a count that may overflow: {describe(a)}")
-                    return self._counted(
+                    return self.counted(
                         a.variable, a.offset + change, a.low + change, a.high + change
                     )
                 case _:
@@ -534,96 +270,3 @@ class Graph:
             for test, a, b in zip(condition.values, *columns, strict=True)
         )
         return self.places(condition.ring, values)
-
-
-def _turn(values: tuple[int | None, ...]) -> int | None:
-    count, first = len(values), values[0]
-    if first is None:
-        return None
-    fits = all(value == (first + i) % count for i, value in enumerate(values))
-    return first if fits else None
-
-
-def _under(node: Node, atom: Atom) -> Node:
-    """The node where the atom, which is no later than any of its own, holds."""
-    if isinstance(node, Choice) and (
-        node.atom is atom or (atom.ladder and node.atom.ladder and node.atom.key[0] == atom.key[0])
-    ):
-        return node.high
-    return node
-
-
-def _without(node: Node, atom: Atom) -> Node:
-    return node.low if isinstance(node, Choice) and node.atom is atom else node
-
-
-def precision_of(node: Node) -> Precision:
-    """The format of a number; a diagram's leaves are of one."""
-    while isinstance(node, Choice):
-        node = node.high if not isinstance(node.high, Unset) else node.low
-    match node:
-        case Real() | Operation():
-            return node.precision
-        case Variable(_, _, precision) if precision is not None:
-            return precision
-        case _:
-            raise NotUnderstood(f"{describe(node)}, where a number belongs")
-
-
-def is_integer(node: Node) -> bool:
-    """Whether a diagram's leaves are integers."""
-    while isinstance(node, Choice):
-        node = node.high if not isinstance(node.high, Unset) else node.low
-    return isinstance(node, Integer | Counter | Places) or (
-        isinstance(node, Variable) and node.precision is None
-    )
-
-
-def describe(node: Node, most: int = 160) -> str:
-    """The node in words, cut off where it gets long."""
-    text = _text(node, 5)
-    return text if len(text) <= most else f"{text[: most - 4]} ..."
-
-
-_INFIX = {"+", "-", "*", "/"}
-
-
-def _text(node: Node, depth: int) -> str:
-    if depth < 0:
-        return "..."
-    match node:
-        case Real(_, value, precision):
-            return f"{value!r}{'f' if precision is BINARY32 else ''}"
-        case Variable(_, name):
-            return name
-        case Operation(_, name, precision, arguments):
-            inside = [_text(a, depth - 1) for a in arguments]
-            if name in _INFIX:
-                return f"({inside[0]} {name} {inside[1]})"
-            if name == "convert":
-                name = "double" if precision is BINARY64 else "float"
-            return f"{name}({', '.join(inside)})"
-        case Integer(_, value):
-            return str(value)
-        case Counter(_, variable, offset):
-            return f"{variable.name} + {offset}" if offset else variable.name
-        case Places(_, ring, _):
-            return f"a place of {ring}"
-        case Unset():
-            return "a variable that was never set"
-        case Choice(_, atom, high, low):
-            return (
-                f"({_atom_text(atom, depth - 1)} ? {_text(high, depth - 1)}"
-                f" : {_text(low, depth - 1)})"
-            )
-
-
-def _atom_text(atom: Atom, depth: int) -> str:
-    if not atom.subjects:
-        return atom.name
-    inside = [_text(x, depth) for x in atom.subjects]
-    if not atom.ladder:
-        return f"isnan({inside[0]})"
-    if len(inside) == 1:
-        return f"{inside[0]} <= {atom.key[2]!r}"
-    return f"{inside[0]} {'<' if atom.key[2] == 1.0 else '<='} {inside[1]}"

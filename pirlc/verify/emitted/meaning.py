@@ -25,7 +25,8 @@ from pirlc.ir.policy import (
 from pirlc.semantics.interpreter import MISSING, OUT_OF_RANGE, SAFE_USED
 from pirlc.semantics.precision import Precision, middle, widened
 from pirlc.symbolic.walk import Algebra, walk
-from pirlc.verify.emitted.graph import Graph, Node, is_integer
+from pirlc.verify.emitted.graph import Graph
+from pirlc.verify.emitted.nodes import Node, is_integer
 
 _LARGEST_COUNT = 2**63
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from pirlc.verify.emitted.graph import (
+from pirlc.verify.emitted.graph import Graph
+from pirlc.verify.emitted.nodes import (
     Choice,
-    Graph,
     Integer,
     Node,
     NotUnderstood,

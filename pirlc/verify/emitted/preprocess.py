@@ -13,7 +13,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from pirlc.backend.numbers import RealType
-from pirlc.verify.emitted.graph import NotUnderstood
+from pirlc.verify.emitted.nodes import NotUnderstood
 
 if TYPE_CHECKING:
     from pcpp import Preprocessor

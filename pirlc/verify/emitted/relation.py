@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from pirlc.backend.c import CPrinter
 from pirlc.backend.c_expressions import is_ring
 from pirlc.ir.controller import Kind
-from pirlc.verify.emitted.graph import Graph, Integer, Node, NotUnderstood, Places, describe
+from pirlc.verify.emitted.graph import Graph
 from pirlc.verify.emitted.meaning import Meaning, StateNodes, limit_of
 from pirlc.verify.emitted.memory import Array, Memory
+from pirlc.verify.emitted.nodes import Integer, Node, NotUnderstood, Places, describe
 from pirlc.verify.emitted.syntax import LEAST_RANGE, CType, Member, Unit
 
 STATE, INPUT, OUTPUT, PARAMETERS = "state", "in", "out", "params"

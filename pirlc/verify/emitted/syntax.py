@@ -7,7 +7,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from pirlc.semantics.precision import BINARY32, BINARY64, Precision
-from pirlc.verify.emitted.graph import NotUnderstood
+from pirlc.verify.emitted.nodes import NotUnderstood
 
 if TYPE_CHECKING:
     from pycparser import c_ast

@@ -19,8 +19,9 @@ from pirlc.semantics.interpreter import initial_state, step
 from pirlc.source import SourceText
 from pirlc.verify.emitted import check_emitted, check_text
 from pirlc.verify.emitted.example import example_of
-from pirlc.verify.emitted.graph import Graph, Integer, Node, Real
+from pirlc.verify.emitted.graph import Graph
 from pirlc.verify.emitted.meaning import Meaning
+from pirlc.verify.emitted.nodes import Integer, Node, Real
 from tests.support.command_line import POLE, ROOT
 from tests.support.observations import random_observations
 from tests.support.programs import Kinds, random_program
@@ -212,7 +213,7 @@ def test_an_int_of_32_bits_is_named_where_it_takes_one():
 
 
 def test_a_program_too_large_is_unknown(monkeypatch):
-    monkeypatch.setattr("pirlc.verify.emitted.graph.MOST_NODES", 40)
+    monkeypatch.setattr("pirlc.verify.emitted.diagrams.MOST_NODES", 40)
     program = _program(POLE)
     assert program is not None
     finding = check_emitted(program)

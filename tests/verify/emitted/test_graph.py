@@ -11,10 +11,11 @@ import pytest
 from pirlc.ir.operators import Operator
 from pirlc.semantics.interpreter import ARITHMETIC, TRUTH
 from pirlc.semantics.precision import BINARY32, BINARY64, Precision, to_binary32
-from pirlc.verify.emitted.graph import (
+from pirlc.verify.emitted.graph import Graph
+from pirlc.verify.emitted.memory import Array
+from pirlc.verify.emitted.nodes import (
     Atom,
     Choice,
-    Graph,
     Integer,
     Node,
     NotUnderstood,
@@ -24,7 +25,6 @@ from pirlc.verify.emitted.graph import (
     Undefined,
     Variable,
 )
-from pirlc.verify.emitted.memory import Array
 from pirlc.verify.emitted.numbers import below, decimal
 
 Values = Mapping[str, float]
