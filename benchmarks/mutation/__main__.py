@@ -6,7 +6,7 @@
 Each mutant is put into a private copy of the tree. Those that cannot emit, or emit what does not
 compile, are counted apart: any test catches them. On the others the tests run, quickest to tell
 first, up to the first failure; golden files, which tell every change of text, only for those that
-survive. Results are in benchmarks/results/mutation.json; exit 1 below the bar.
+survive. Results are in benchmarks/results/mutation.json and docs/mutation.md; exit 1 below the bar.
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from benchmarks.mutation import documentation
 from benchmarks.mutation.equivalent import equivalents, stale
 from benchmarks.mutation.mutants import Key, Mutant
 from benchmarks.mutation.selection import (
@@ -39,7 +41,8 @@ from benchmarks.mutation.trees import Emitter, Tree
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "benchmarks" / "results" / "mutation.json"
 BAR = 0.95
-SECONDS = 300.0
+SLOWER = 5.0
+"""How many times as long as without a fault the tests may take."""
 
 Row = dict[str, Any]
 
@@ -71,6 +74,51 @@ class Workers:
         return worker
 
 
+@dataclass(frozen=True)
+class Run:
+    """What every mutant is compared with: `original` is what the tree emits without a fault.
+
+    `tests` have `seconds` before they are stopped.
+    """
+
+    workers: Workers
+    original: str
+    known: dict[Key, str]
+    tests: list[str]
+    seconds: float
+
+    def emits(self, mutant: Mutant) -> str:
+        worker = self.workers.mine()
+        with worker.tree.holding(mutant.path, mutant.text):
+            return worker.emitter.answer()
+
+    def row(self, target: Target, mutant: Mutant, answer: str) -> Row:
+        """What became of a mutant that answered so when it was asked to emit."""
+        row: Row = {
+            "part": target.part,
+            "file": str(mutant.path),
+            "line": mutant.line,
+            "within": mutant.within,
+            "fault": mutant.fault,
+            "was": mutant.was,
+            "becomes": mutant.becomes,
+            "number": mutant.number,
+        }
+        if not answer.startswith("ok"):
+            return {**row, "verdict": "refused", "why": answer.partition(" ")[2][:200]}
+        row["changes_programs"] = answer != self.original
+        if mutant.key in self.known:
+            return {**row, "verdict": "equivalent", "why": self.known[mutant.key]}
+        tree = self.workers.mine().tree
+        with tree.holding(mutant.path, mutant.text):
+            verdict = tree.test([*self.tests, *without_golden()], self.seconds)
+            row["seconds"] = round(verdict.seconds, 1)
+            if verdict.failed:
+                return {**row, "verdict": "caught", "by": verdict.failed, "why": verdict.why}
+            golden = tree.test(GOLDEN, self.seconds)
+        return {**row, "verdict": "survived", "golden": golden.failed is not None}
+
+
 def main() -> int:
     arguments = argparse.ArgumentParser(prog="python -m benchmarks.mutation")
     arguments.add_argument("--seed", type=int, default=1)
@@ -93,19 +141,13 @@ def main() -> int:
         return 2
     before = json.loads(options.results.read_text())["mutants"] if options.survivors else []
     survived = {_key(row) for row in before if row["verdict"] == "survived"}
+    rows: list[Row] = []
+    start = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="mutation-") as place:
-        workers = Workers(ROOT, Path(place))
-        start = time.monotonic()
-        first = workers.mine()
-        tests = ordinary_tests(first.tree.folder)
-        verdict = first.tree.test([*tests, *GOLDEN], SECONDS)
-        if verdict.failed:
-            print(f"the tests fail without any fault: {verdict.failed}: {verdict.why}")
+        run = _begin(Workers(ROOT, Path(place)), known)
+        if run is None:
             return 2
-        original = first.emitter.answer()
-        print(f"{len(tests)} test files pass in {verdict.seconds:.0f} s", file=sys.stderr)
         with ThreadPoolExecutor(options.jobs) as pool:
-            rows: list[Row] = []
             for target in targets:
                 if options.survivors:
                     chosen = [m for m in made[target] if m.key in survived and m.key not in known]
@@ -113,27 +155,48 @@ def main() -> int:
                 else:
                     chosen = shuffled(made[target], target, options.seed)
                     most = min(options.most or len(chosen), target.sample or len(chosen))
-                tried = _tried(pool, chosen, lambda m: _emits(workers.mine(), m), most)
-                listed = [(m, answer) for m, answer in tried]
-                jobs = [
-                    pool.submit(_row, workers, target, m, answer, original, known, tests)
-                    for m, answer in listed
-                ]
-                for job in jobs:
-                    rows.append(job.result())
-                    _tell(rows[-1], len(rows))
-        for worker in workers.all:
+                tried = list(_tried(pool, chosen, run.emits, most))
+                answers = [answer for _, answer in tried]
+                for row in pool.map(partial(run.row, target), [m for m, _ in tried], answers):
+                    rows.append(row)
+                    _tell(row, len(rows))
+                summary = _write(options.results, options.seed, _merged(before, rows))
+        for worker in run.workers.all:
             worker.emitter.close()
-    if options.survivors:
-        again = {_key(row): row for row in rows}
-        rows = [again.get(_key(row), row) for row in before]
-    rows.sort(key=lambda row: (row["file"], row["line"], row["becomes"]))
-    summary = {part: summary_of(rows, part) for part in dict.fromkeys(t.part for t in targets)}
-    summary["all"] = summary_of(rows, None)
-    content = {"seed": options.seed, "summary": summary, "mutants": rows}
-    options.results.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    _print(summary, rows, time.monotonic() - start)
+    _print(summary, _merged(before, rows), time.monotonic() - start)
     return 0 if all(part["caught"] >= BAR for part in summary.values() if part["tried"]) else 1
+
+
+def _begin(workers: Workers, known: dict[Key, str]) -> Run | None:
+    """What all mutants are compared with; nothing where the tests fail without any fault."""
+    first = workers.mine()
+    tests = ordinary_tests(first.tree.folder)
+    verdict = first.tree.test([*tests, *GOLDEN], 1800.0)
+    if verdict.failed:
+        print(f"the tests fail without any fault: {verdict.failed}: {verdict.why}")
+        return None
+    print(f"{len(tests)} test files pass in {verdict.seconds:.0f} s", file=sys.stderr)
+    return Run(workers, first.emitter.answer(), known, tests, max(60.0, SLOWER * verdict.seconds))
+
+
+def _merged(before: list[Row], rows: list[Row]) -> list[Row]:
+    """The rows of an earlier run with those that were made again, in the order of the files."""
+    merged = {_key(row): row for row in [*before, *rows]}
+    return sorted(merged.values(), key=lambda row: (row["file"], row["line"], row["becomes"]))
+
+
+def _write(place: Path, seed: int, rows: list[Row]) -> dict[str, Any]:
+    """Writes the results, and gives their summary, by part and of all."""
+    parts = dict.fromkeys(target.part for target in TARGETS)
+    summary = {part: summary_of(rows, part) for part in parts}
+    summary["all"] = summary_of(rows, None)
+    content = {"seed": seed, "summary": summary, "mutants": rows}
+    place.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    if place == RESULTS:
+        page = documentation.PLACE.read_text(encoding="utf-8")
+        tables = documentation.tables(content, equivalents())
+        documentation.PLACE.write_text(documentation.filled(page, tables), encoding="utf-8")
+    return summary
 
 
 def _key(row: Row) -> Key:
@@ -155,45 +218,6 @@ def _tried(
                 return
             yield mutant, answer
             most -= answer.startswith("ok")
-
-
-def _emits(worker: Worker, mutant: Mutant) -> str:
-    with worker.tree.holding(mutant.path, mutant.text):
-        return worker.emitter.answer()
-
-
-def _row(
-    workers: Workers,
-    target: Target,
-    mutant: Mutant,
-    answer: str,
-    original: str,
-    known: dict[Key, str],
-    tests: list[str],
-) -> Row:
-    row: Row = {
-        "part": target.part,
-        "file": str(mutant.path),
-        "line": mutant.line,
-        "within": mutant.within,
-        "fault": mutant.fault,
-        "was": mutant.was,
-        "becomes": mutant.becomes,
-        "number": mutant.number,
-    }
-    if not answer.startswith("ok"):
-        return {**row, "verdict": "refused", "why": answer.partition(" ")[2][:200]}
-    row["changes_programs"] = answer != original
-    if mutant.key in known:
-        return {**row, "verdict": "equivalent", "why": known[mutant.key]}
-    tree = workers.mine().tree
-    with tree.holding(mutant.path, mutant.text):
-        verdict = tree.test([*tests, *without_golden()], SECONDS)
-        row["seconds"] = round(verdict.seconds, 1)
-        if verdict.failed:
-            return {**row, "verdict": "caught", "by": verdict.failed, "why": verdict.why}
-        golden = tree.test(GOLDEN, SECONDS)
-    return {**row, "verdict": "survived", "golden": golden.failed is not None}
 
 
 def summary_of(rows: list[Row], part: str | None) -> dict[str, Any]:

@@ -138,10 +138,17 @@ def _in_place(operator: Callable[[Any], Any]) -> Operator:
 
     def changes(node: cst.CSTNode) -> Iterator[Change]:
         for new in operator(node):
-            yield node, new
+            if not _is_same_number(node, new):
+                yield node, new
 
     changes.__name__ = operator.__name__
     return changes
+
+
+def _is_same_number(old: cst.CSTNode, new: cst.CSTNode) -> bool:
+    """One more than 1e300 is 1e300."""
+    numbers = isinstance(old, cst.BaseNumber) and isinstance(new, cst.BaseNumber)
+    return numbers and old.evaluated_value == new.evaluated_value
 
 
 def swapped_parts(node: cst.FormattedString) -> Iterator[Change]:

@@ -55,3 +55,19 @@ def test_infinities_and_suffixes():
     assert constant(1e-50, "float").code == "0.0f"
     assert python_constant(-1e300, "float").code == "-INFINITY"
     assert python_constant(0.1, "float").code == "0.10000000149011612"
+
+
+def test_a_decimal_halfway_between_two_numbers_is_not_trusted():
+    """5.368712e8 lies just between them: which one it reads as is the reader's rounding."""
+    assert shortest(536871168.0, "float") == "536871170.0"
+    assert shortest(536871232.0, "float") == "536871230.0"
+    assert shortest(-536871232.0, "float") == "-536871230.0"
+
+
+def test_zeros_keep_their_sign():
+    assert [shortest(zero, "float") for zero in (0.0, -0.0, 1e-50, -1e-50)] == [
+        "0.0",
+        "-0.0",
+        "0.0",
+        "-0.0",
+    ]
