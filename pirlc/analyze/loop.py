@@ -135,11 +135,7 @@ def loop_of(
 
 def _mending(loop: Realisation) -> str:
     """Which factors of gain would make an unstable loop stable."""
-    factors = []
-    for theta in phase_crossings(loop):
-        value = loop.at(np.array([np.exp(1j * theta)]))[0]
-        factors.append(-1.0 / float(value.real))
-    edges = [0.0, *sorted(factors), math.inf]
+    edges = [0.0, *sorted(factor for _, factor in phase_crossings(loop)), math.inf]
     ranges = []
     for low, high in pairwise(edges):
         middle = 2.0 * low + 1.0 if math.isinf(high) else 0.5 * (low + high)

@@ -28,10 +28,8 @@ _REST = 1e-7
 def margins_of(loop: Realisation, sample_time: float | None) -> Margins:
     """The margins of a loop whose closed poles all lie inside the unit circle."""
     rate = 1.0 / (sample_time or 1.0)
-    factors, phases = [], []
-    for theta in phase_crossings(loop):
-        value = loop.at(np.array([np.exp(1j * theta)]))[0]
-        factors.append((-1.0 / float(value.real), theta))
+    factors = [(factor, theta) for theta, factor in phase_crossings(loop)]
+    phases = []
     for theta in gain_crossings(loop):
         if theta < _REST:
             continue

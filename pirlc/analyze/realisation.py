@@ -127,8 +127,12 @@ def gain_crossings(realisation: Realisation, level: float = 1.0, count: int = 12
         )
 
 
-def phase_crossings(realisation: Realisation) -> list[float]:
-    """The angles in [0, pi] where L is real and negative (finite): zeros of L(z) - L(1/z)."""
+def phase_crossings(realisation: Realisation) -> list[tuple[float, float]]:
+    """The angles in [0, pi] where L is real and negative, with the gain that brings L to -1 there.
+
+    They are zeros of L(z) - L(1/z). Gains beyond 1e9 and below 1e-9 are left out: L has a zero
+    or a pole there.
+    """
     a, b, c = realisation.a, realisation.b[:, None], realisation.c[None, :]
     n = len(realisation.b)
     eye, wide, tall = np.eye(n), np.zeros((n, n)), np.zeros((n, 1))
@@ -152,9 +156,9 @@ def phase_crossings(realisation: Realisation) -> list[float]:
         found = [0.0, *(theta for theta in found if 1e-9 < theta < np.pi - 1e-9), np.pi]
         values = realisation.at(np.exp(1j * np.array(found)))
     return [
-        theta
+        (theta, -1.0 / float(value.real))
         for theta, value in zip(found, values, strict=True)
-        if np.isfinite(value) and value.real < 0.0 and abs(value) < 1e9
+        if np.isfinite(value) and value.real < 0.0 and 1e-9 < abs(value) < 1e9
     ]
 
 

@@ -278,10 +278,9 @@ def _cycles(loop: Realisation, half: float, sample_time: float | None) -> tuple[
     sign = 1.0 if half > 0.0 else -1.0
     turned = Realisation(loop.a, loop.b * sign, loop.c)
     found = []
-    for theta in phase_crossings(turned):
+    for theta, gain in phase_crossings(turned):
         if theta == 0.0:
             continue
-        gain = -1.0 / float(turned.at(np.array([np.exp(1j * theta)]))[0].real)
         found.append(
             LimitCycle(
                 frequency=theta / (sample_time or 1.0),

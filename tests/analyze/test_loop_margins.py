@@ -113,6 +113,14 @@ def test_a_loop_gain_above_one_at_nyquist_bears_no_delay_of_a_whole_sample():
     assert _margins(num, den).delay_samples <= 1.0
 
 
+def test_a_zero_at_the_nyquist_frequency_is_no_margin():
+    """A sampled double integrator: L(-1) is 0, whatever rounding makes of it."""
+    num, den = np.array([0.005, 0.005]), [1.0, -2.0, 1.0]
+    found = _margins(num, den, (4.0, -3.5))
+    assert found.gain_down == 0.0
+    assert found.gain_up_frequency < 3.0
+
+
 @pytest.mark.parametrize(
     ("num", "den"), [([0.5], [1, -0.5]), ([0.5, 0.5], [1, 0, 0]), ([-0.5, 0.5], [1, 0, 0])]
 )
