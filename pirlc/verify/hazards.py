@@ -21,6 +21,7 @@ from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import Partial
 from pirlc.symbolic.z3_terms import Truth
 from pirlc.verify.asking import Limits
+from pirlc.verify.bounds import operations
 from pirlc.verify.extremes import limited, trial_of, why
 from pirlc.verify.findings import Matter, Remark, Replay
 from pirlc.verify.model import Model, finite_range
@@ -28,7 +29,8 @@ from pirlc.verify.occurrences import failing, occurrences
 from pirlc.verify.replay import Trial, as_replay, run
 from pirlc.verify.rounding import rounding
 
-_TRIALS = 200
+_TRIALS, _EFFORT = 200, 100_000
+"""Histories to run at most, and operations in them."""
 
 
 def hazards(program: Program, model: Model, action: str, limits: Limits) -> list[Remark]:
@@ -36,14 +38,29 @@ def hazards(program: Program, model: Model, action: str, limits: Limits) -> list
     names = [spec.name for spec in program.interface.actions]
     nodes = occurrences(program.bodies[names.index(action)]).partials
     partials = model.steps[0].records[action].partials
+    tried = _tried(program, action) if nodes else []
     found = [
-        _partial(program, model, action, nodes[places[0]], places, partials, limits)
+        _partial(program, model, action, nodes[places[0]], places, partials, tried, limits)
         for places in same_place(nodes)
     ]
     spec = program.interface.actions[names.index(action)]
     if all(remark.clear for remark in found) and isinstance(spec.domain, Continuous):
         found.extend(_overflow(program, action))
     return found
+
+
+_Tried = tuple[Trial, tuple[bool, ...]]
+"""A history, and which divisions and roots fail on it."""
+
+
+def _tried(program: Program, action: str) -> list[_Tried]:
+    count = tries(program)
+    return [(t, failing(program, action, t)) for t in some_trials(program, count)]
+
+
+def tries(program: Program) -> int:
+    """How many histories to run a program on."""
+    return max(10, min(_TRIALS, _EFFORT // max(1, operations(program, 1))))
 
 
 def _partial(
@@ -53,6 +70,7 @@ def _partial(
     node: Term,
     places: list[int],
     partials: tuple[Partial, ...],
+    tried: Sequence[_Tried],
     limits: Limits,
 ) -> Remark:
     assert isinstance(node, Apply)
@@ -60,7 +78,7 @@ def _partial(
     matter = Matter.DIVISION if divides else Matter.SQUARE_ROOT
     argument = term_text(node.arguments[1 if divides else 0])
     what = "zero" if divides else "negative"
-    evidence, trial = _reached(program, model, action, places, partials, limits)
+    evidence, trial = _reached(program, model, action, places, partials, tried, limits)
     if evidence.kind is PROVED.kind:
         text = f"`{argument}` is never {what}"
     elif trial is not None:
@@ -77,6 +95,7 @@ def _reached(
     action: str,
     places: list[int],
     partials: tuple[Partial, ...],
+    tried: Sequence[_Tried],
     limits: Limits,
 ) -> tuple[Evidence, Trial | None]:
     """Proved: no history reaches it, of reals or of floats. Refuted: one that runs does."""
@@ -96,8 +115,8 @@ def _reached(
                     return REFUTED, trial
             case _:
                 doubt = unknown(why(solver))
-    for trial in some_trials(program, _TRIALS):
-        if any(failing(program, action, trial)[place] for place in places):
+    for trial, fails in tried:
+        if any(fails[place] for place in places):
             return REFUTED, trial
     if over_reals:
         return unknown("reached over the reals; no history of floats was found"), None
@@ -157,7 +176,7 @@ def _overflow(program: Program, action: str) -> Iterator[Remark]:
 
 
 def _overflowing(program: Program, action: str, precision: Precision) -> Replay | None:
-    for trial in some_trials(program, _TRIALS):
+    for trial in some_trials(program, tries(program)):
         steps = run(program, trial, precision)
         if not math.isfinite(steps[-1].raw[action]):
             return as_replay(trial, steps)

@@ -17,7 +17,7 @@ from pirlc.symbolic.z3_form import BodyForm, Form, Inputs
 from pirlc.verify.asking import Limits
 from pirlc.verify.extremes import limited, why
 from pirlc.verify.findings import Matter, Remark
-from pirlc.verify.hazards import some_trials
+from pirlc.verify.hazards import some_trials, tries
 from pirlc.verify.model import unroll, working_range
 from pirlc.verify.replay import run
 
@@ -47,7 +47,7 @@ def _felt(program: Program, parameter: FixedParameter) -> bool:
     """Some history gives another action under another value."""
     rng = random.Random(0)
     value = parameter.value
-    for trial in some_trials(program, _TRIALS):
+    for trial in some_trials(program, min(_TRIALS, tries(program))):
         other = rng.choice(
             [value + 1.0, value - 1.0, 2.0 * value, -value, 0.0, 100.0, -100.0, value * 1.01]
         )

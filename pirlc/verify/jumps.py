@@ -21,6 +21,8 @@ from pirlc.source import Span
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import BodyForm, Form, Guard, GuardKey, Inputs
 from pirlc.verify.asking import Limits
+from pirlc.verify.bounds import operations
+from pirlc.verify.deciding import LARGEST
 from pirlc.verify.exact import exact_step
 from pirlc.verify.extremes import Supremum, limited, supremum
 from pirlc.verify.findings import Extreme, Matter, Remark
@@ -41,6 +43,11 @@ class Jump:
 
 def jump(program: Program, model: Model, action: str, limits: Limits) -> Iterator[Remark]:
     """One remark about a continuous action with guards; `model` is of it, over one step."""
+    records = model.steps[0].records[action]
+    if len(records.guards) * operations(model.program, 1) > LARGEST:
+        text = f"how far raw({action}) jumps where its guards turn is not known"
+        yield Remark(Matter.JUMP, text, unknown("too many guards"), False)
+        return
     jumps = list(_jumps(model, action, limits))
     if not jumps:
         return
