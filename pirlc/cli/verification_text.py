@@ -15,7 +15,7 @@ from pirlc.ir.terms import PreviousAction, subterms
 from pirlc.semantics.precision import to_binary32
 from pirlc.source import SourceText
 from pirlc.verify.cone import concerned
-from pirlc.verify.findings import PropertyFinding, Replay, Verification
+from pirlc.verify.findings import PropertyFinding, Replay, Tightest, Verification
 from pirlc.verify.problems import problems_of
 
 REFUTED, UNDECIDED = 1, 2
@@ -51,6 +51,8 @@ def property_texts(
         yield f"{finding.name:{width}}  {finding.evidence}"
         for label, evidence in _beside(finding):
             yield f"{'':{width}}    {label}: {evidence}"
+        for tight in finding.tightest:
+            yield f"{'':{width}}    {_tightest(tight)}"
     diagnostics = iter(problems_of(source, findings))
     for finding in findings:
         if finding.counterexample is None and finding.evidence.kind is Kind.PROVED:
@@ -67,6 +69,14 @@ def property_texts(
                 yield f"{finding.name}, {obligation.name}:"
                 yield ""
                 yield from replay_text(program, obligation.counterexample, claims[finding.name])
+
+
+def _tightest(found: Tightest) -> str:
+    extreme = found.extreme
+    assert extreme.value is not None
+    ways = "up" if found.upward else "down"
+    reached = "attained" if extreme.attained else "not attained"
+    return f"{found.text} goes {ways} to {float(extreme.value):.12g}, {reached}"
 
 
 def _beside(finding: PropertyFinding) -> Iterator[tuple[str, Evidence]]:

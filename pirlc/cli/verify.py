@@ -22,7 +22,8 @@ from pirlc.cli.session import Session, json_option, pass_session
     "--bounds",
     "bounded",
     is_flag=True,
-    help="Also the tightest bounds of each action and of its change in one step, exactly.",
+    help="Also the tightest bounds of each action and of its change in one step, and of what "
+    "properties bound, exactly.",
 )
 @click.option(
     "--emitted",
@@ -57,11 +58,13 @@ def command(
     from pirlc.verify.problems import problems_of
     from pirlc.verify.properties import prove
     from pirlc.verify.remarks import guard_margins, remarks
+    from pirlc.verify.tightening import tightened
 
     limits = Limits(seconds=seconds)
+    proved = prove(closed, limits)
     found = Verification(
         closed.interface.name,
-        properties=prove(closed, limits),
+        properties=tightened(closed, proved, limits) if bounded else proved,
         bounds=bounds(closed, limits) if bounded else (),
         remarks=remarks(closed, limits),
         guards=guard_margins(closed, limits),

@@ -8,6 +8,7 @@ from fractions import Fraction
 
 import z3
 
+from pirlc.ir import terms
 from pirlc.ir.operators import COMPARISONS, Operator
 from pirlc.ir.policy import Choice, Property
 from pirlc.ir.types import Type
@@ -65,6 +66,12 @@ def question(claim: Property, model: Model) -> Question:
     return Question(
         model, exact.disjunction((undefined, violated)), undefined, violated, clear, slack
     )
+
+
+def part_form(claim: Property, model: Model, part: terms.Term) -> Form:
+    """A part of a property (an atom without local names of the rest) over the model's steps."""
+    slack = z3.Real("slack", model.context)
+    return walk(part, _algebra(claim, model, slack)).form
 
 
 def _algebra(claim: Property, model: Model, slack: Term) -> Algebra[Claim]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from pirlc.ir.policy import Program, Property
 from pirlc.ir.terms import ActionRef, PreviousAction, SensorRef, subterms
 
@@ -26,3 +28,13 @@ def concerned(program: Program, claim: Property) -> frozenset[str]:
                 case _:
                     pass
     return frozenset(found)
+
+
+def part_of(program: Program, claim: Property) -> Program:
+    """The program with nothing but the actions that a property concerns."""
+    names = concerned(program, claim)
+    pairs = zip(program.interface.actions, program.bodies, strict=True)
+    kept = [(spec, body) for spec, body in pairs if spec.name in names]
+    interface = replace(program.interface, actions=tuple(spec for spec, _ in kept))
+    bodies = tuple(body for _, body in kept)
+    return replace(program, interface=interface, bodies=bodies, properties=(claim,))

@@ -52,6 +52,28 @@ class Obligation:
 
 
 @dataclass(frozen=True)
+class Extreme:
+    """A supremum or infimum over all histories. `value` is None where it is infinite or not found
+    (`evidence` tells); `witness` attains it, or comes within 1e-9 if it is not attained."""
+
+    value: Fraction | None
+    attained: bool
+    evidence: Evidence
+    witness: Replay | None = None
+
+
+@dataclass(frozen=True)
+class Tightest:
+    """A comparison of a property, `text` against a number: how far `text` really goes, upward or
+    downward, where the premises before it hold."""
+
+    text: str
+    claimed: Fraction
+    upward: bool
+    extreme: Extreme
+
+
+@dataclass(frozen=True)
 class PropertyFinding:
     """`evidence` is for real arithmetic, the other two for what runs; `counterexample` is a
     history that the interpreter was seen to violate the property on."""
@@ -65,18 +87,8 @@ class PropertyFinding:
     seconds: float
     counterexample: Replay | None = None
     obligations: tuple[Obligation, ...] = ()
+    tightest: tuple[Tightest, ...] = ()
     span: Span = NOWHERE
-
-
-@dataclass(frozen=True)
-class Extreme:
-    """A supremum or infimum over all histories. `value` is None where it is infinite or not found
-    (`evidence` tells); `witness` attains it, or comes within 1e-9 if it is not attained."""
-
-    value: Fraction | None
-    attained: bool
-    evidence: Evidence
-    witness: Replay | None = None
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from fractions import Fraction
 
 from pirlc.ir.operators import COMPARISONS, Operator
 from pirlc.ir.policy import Program, Property
+from pirlc.ir.terms import Term
 from pirlc.ir.types import Type
 from pirlc.semantics.interpreter import ARITHMETIC, TRUTH
 from pirlc.symbolic.walk import Algebra, walk
@@ -25,6 +26,11 @@ Number = Fraction | float | bool
 
 def holds(program: Program, claim: Property, steps: Sequence[Observed]) -> bool:
     """Whether the property is true of these steps, oldest first."""
+    return bool(value_of(program, claim, claim.body, steps))
+
+
+def value_of(program: Program, claim: Property, part: Term, steps: Sequence[Observed]) -> Number:
+    """The value of a part of the property (an atom without local names of the rest)."""
     parameters = {name: _number(value) for name, value in program.values.items()}
 
     def element(sensor: str, index: int) -> Number:
@@ -48,7 +54,7 @@ def holds(program: Program, claim: Property, steps: Sequence[Observed]) -> bool:
         choose=lambda condition, yes, no: yes if condition else no,
         action=action,
     )
-    return bool(walk(claim.body, algebra))
+    return walk(part, algebra)
 
 
 def _number(value: float) -> Number:

@@ -8,13 +8,17 @@ from pirlc.verify.bounds import bounds
 from pirlc.verify.emitted.check import check_emitted
 from pirlc.verify.findings import Verification
 from pirlc.verify.properties import prove
+from pirlc.verify.remarks import guard_margins, remarks
+from pirlc.verify.tightening import tightened
 
 
 def verify(program: Program, limits: Limits = DEFAULT_LIMITS) -> Verification:
     """Properties, bounds, remarks, guards, and the emitted C in both precisions."""
     return Verification(
         program=program.interface.name,
-        properties=prove(program, limits),
+        properties=tightened(program, prove(program, limits), limits),
         bounds=bounds(program, limits),
+        remarks=remarks(program, limits),
+        guards=guard_margins(program, limits),
         emitted=(check_emitted(program, "double"), check_emitted(program, "float")),
     )

@@ -1,0 +1,137 @@
+"""How far the sides of a property's comparisons really go: the numbers that would just hold.
+
+For `premise implies (a < 3 and b > 1)` the supremum of a and the infimum of b over all histories
+that satisfy the premise, exactly. Only what is compared with a number, in programs and properties
+that are piecewise linear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+from pirlc.ir.operators import Operator
+from pirlc.ir.policy import Program, Property
+from pirlc.ir.printer import term_text
+from pirlc.ir.terms import Apply, Term
+from pirlc.symbolic import z3_terms as exact
+from pirlc.symbolic.z3_form import Form
+from pirlc.verify.asking import DEFAULT_LIMITS, Limits
+from pirlc.verify.bounds import replay_of
+from pirlc.verify.claims import part_form
+from pirlc.verify.cone import part_of
+from pirlc.verify.deciding import cost
+from pirlc.verify.exact import NotRational, exact_steps
+from pirlc.verify.extremes import supremum
+from pirlc.verify.findings import Extreme, PropertyFinding, Tightest
+from pirlc.verify.model import Model, unroll
+from pirlc.verify.replay import Observed, Trial
+from pirlc.verify.ruling import value_of
+
+LARGEST = 5_000
+"""Operations of a model that is worth the optimiser's time."""
+
+_UPWARD = {
+    Operator.LESS: True,
+    Operator.LESS_EQUAL: True,
+    Operator.GREATER: False,
+    Operator.GREATER_EQUAL: False,
+}
+
+
+def tightened(
+    program: Program, findings: tuple[PropertyFinding, ...], limits: Limits = DEFAULT_LIMITS
+) -> tuple[PropertyFinding, ...]:
+    """The findings of the program's properties with the numbers that would just hold."""
+    claims = {claim.name: claim for claim in program.properties}
+    return tuple(
+        replace(finding, tightest=tightest(program, claims[finding.name], limits))
+        for finding in findings
+    )
+
+
+def tightest(program: Program, claim: Property, limits: Limits) -> tuple[Tightest, ...]:
+    """What is known of each comparison, in the order of the text."""
+    if cost(program, claim) > LARGEST:
+        return ()
+    part = part_of(program, claim)
+    model = unroll(part, claim.steps)
+    if model.functions.nonlinear or model.functions.axioms:
+        return ()
+    found = []
+    for premises, comparison in _comparisons(claim.body, ()):
+        left, right = comparison.arguments
+        for side, other, upward in (
+            (left, right, _UPWARD[comparison.operator]),
+            (right, left, not _UPWARD[comparison.operator]),
+        ):
+            bound, form = (part_form(claim, model, term) for term in (other, side))
+            if isinstance(bound.value, Fraction) and not isinstance(form.value, Fraction):
+                asked = _Asked(claim, model, side, premises, 1 if upward else -1)
+                extreme = asked.extreme(program, form, limits)
+                if extreme is not None:
+                    found.append(Tightest(term_text(side), bound.value, upward, extreme))
+    return tuple(found)
+
+
+def _comparisons(
+    term: Term, premises: tuple[Term, ...]
+) -> Iterator[tuple[tuple[Term, ...], Apply]]:
+    """The comparisons that a property demands, with what they are demanded under."""
+    match term:
+        case Apply(Operator.AND, (a, b)):
+            yield from _comparisons(a, premises)
+            yield from _comparisons(b, premises)
+        case Apply(Operator.IMPLIES, (a, b)):
+            yield from _comparisons(b, (*premises, a))
+        case Apply(operator) if operator in _UPWARD:
+            yield premises, term
+        case _:
+            pass
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """How far one side of a comparison goes, upward or downward (sign -1), under its premises."""
+
+    claim: Property
+    model: Model
+    side: Term
+    premises: tuple[Term, ...]
+    sign: int
+
+    def extreme(self, program: Program, form: Form, limits: Limits) -> Extreme | None:
+        """The extreme of `form`, the side's; None where it was not found."""
+        assumed = [part_form(self.claim, self.model, premise) for premise in self.premises]
+        if form.defined is not True or any(premise.defined is not True for premise in assumed):
+            return None
+        term = form.value if self.sign > 0 else exact.negate(form.value)
+        where = [premise.value for premise in assumed]
+        found = supremum(self.model, term, where, self.measure, limits)
+        if found.value is None:
+            return None
+        witness = None if found.trial is None else replay_of(program, found.trial)
+        return Extreme(self.sign * found.value, found.attained, found.evidence, witness)
+
+    def measure(self, trial: Trial) -> Fraction:
+        """The side's value on a history, exactly. Raises `NotRational` also where a premise fails:
+        such a history shows nothing."""
+        program, window = self.model.program, self.model.program.interface.window
+        observed: list[Observed] = []
+        before: Mapping[str, Any] = trial.previous
+        steps = exact_steps(program, trial.readings, trial.previous, self.claim.steps)
+        for number, step in enumerate(steps):
+            seen = {name: r[number : number + window] for name, r in trial.readings.items()}
+            raw: Mapping[str, Any] = step.raw
+            applied: Mapping[str, Any] = step.applied
+            observed.append(Observed(seen, before, raw, applied))
+            before = applied
+
+        def value(term: Term) -> Any:
+            return value_of(program, self.claim, term, observed)
+
+        if not all(value(premise) for premise in self.premises):
+            raise NotRational
+        return self.sign * Fraction(value(self.side))
