@@ -51,27 +51,28 @@ def question(claim: Property, model: Model) -> Question:
     said = walk(claim.body, _algebra(claim, model, slack))
     undefined = exact.negation(said.form.defined)
     violated = exact.conjunction((said.form.defined, exact.negation(said.form.value)))
-    settled = []
-    for step in model.steps:
-        for records in step.records.values():
-            for guard in records.guards:
-                if guard.key is not None:
-                    apart = exact.absolute(exact.subtract(guard.a, guard.b))
-                    settled.append(
-                        exact.disjunction(
-                            (exact.negation(guard.defined), exact.at_most(slack, apart))
-                        )
-                    )
-    clear = exact.conjunction((said.form.defined, said.fails, *settled))
+    clear = exact.conjunction((said.form.defined, said.fails, settled(model, slack)))
     return Question(
         model, exact.disjunction((undefined, violated)), undefined, violated, clear, slack
     )
 
 
-def part_form(claim: Property, model: Model, part: terms.Term) -> Form:
+def settled(model: Model, slack: Term) -> Truth:
+    """No guard of the program is nearer to turning than the slack."""
+    apart = []
+    for step in model.steps:
+        for records in step.records.values():
+            for guard in records.guards:
+                if guard.key is not None:
+                    room = exact.absolute(exact.subtract(guard.a, guard.b))
+                    meant = exact.negation(guard.defined)
+                    apart.append(exact.disjunction((meant, exact.at_most(slack, room))))
+    return exact.conjunction(apart)
+
+
+def part_claim(claim: Property, model: Model, part: terms.Term, slack: Term) -> Claim:
     """A part of a property (an atom without local names of the rest) over the model's steps."""
-    slack = z3.Real("slack", model.context)
-    return walk(part, _algebra(claim, model, slack)).form
+    return walk(part, _algebra(claim, model, slack))
 
 
 def _algebra(claim: Property, model: Model, slack: Term) -> Algebra[Claim]:

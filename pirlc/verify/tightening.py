@@ -7,10 +7,12 @@ that are piecewise linear.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
+
+import z3
 
 from pirlc.ir.operators import Operator
 from pirlc.ir.policy import Program, Property
@@ -18,20 +20,24 @@ from pirlc.ir.printer import term_text
 from pirlc.ir.terms import Apply, Term
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import Form
+from pirlc.symbolic.z3_terms import Real
 from pirlc.verify.asking import DEFAULT_LIMITS, Limits
 from pirlc.verify.bounds import replay_of
-from pirlc.verify.claims import part_form
+from pirlc.verify.claims import Claim, part_claim, settled
 from pirlc.verify.cone import part_of
 from pirlc.verify.deciding import cost
 from pirlc.verify.exact import NotRational, exact_steps
-from pirlc.verify.extremes import supremum
+from pirlc.verify.extremes import CLOSE, supremum
 from pirlc.verify.findings import Extreme, PropertyFinding, Tightest
 from pirlc.verify.model import Model, unroll
 from pirlc.verify.replay import Observed, Trial
 from pirlc.verify.ruling import value_of
+from pirlc.verify.trials import trials_of
 
 LARGEST = 5_000
 """Operations of a model that is worth the optimiser's time."""
+
+_SLACKS = tuple(Fraction(1, 10**n) for n in (9, 10, 11, 12, 13, 14))
 
 _UPWARD = {
     Operator.LESS: True,
@@ -60,6 +66,7 @@ def tightest(program: Program, claim: Property, limits: Limits) -> tuple[Tightes
     model = unroll(part, claim.steps)
     if model.functions.nonlinear or model.functions.axioms:
         return ()
+    slack = z3.Real("slack", model.context)
     found = []
     for premises, comparison in _comparisons(claim.body, ()):
         left, right = comparison.arguments
@@ -67,9 +74,9 @@ def tightest(program: Program, claim: Property, limits: Limits) -> tuple[Tightes
             (left, right, _UPWARD[comparison.operator]),
             (right, left, not _UPWARD[comparison.operator]),
         ):
-            bound, form = (part_form(claim, model, term) for term in (other, side))
+            bound, form = (part_claim(claim, model, t, slack).form for t in (other, side))
             if isinstance(bound.value, Fraction) and not isinstance(form.value, Fraction):
-                asked = _Asked(claim, model, side, premises, 1 if upward else -1)
+                asked = _Asked(claim, model, side, premises, 1 if upward else -1, slack)
                 extreme = asked.extreme(program, form, limits)
                 if extreme is not None:
                     found.append(Tightest(term_text(side), bound.value, upward, extreme))
@@ -101,19 +108,42 @@ class _Asked:
     side: Term
     premises: tuple[Term, ...]
     sign: int
+    slack: z3.ArithRef
 
     def extreme(self, program: Program, form: Form, limits: Limits) -> Extreme | None:
         """The extreme of `form`, the side's; None where it was not found."""
-        assumed = [part_form(self.claim, self.model, premise) for premise in self.premises]
-        if form.defined is not True or any(premise.defined is not True for premise in assumed):
+        assumed = [part_claim(self.claim, self.model, p, self.slack) for p in self.premises]
+        if form.defined is not True or any(p.form.defined is not True for p in assumed):
             return None
         term = form.value if self.sign > 0 else exact.negate(form.value)
-        where = [premise.value for premise in assumed]
+        where = [premise.form.value for premise in assumed]
         found = supremum(self.model, term, where, self.measure, limits)
         if found.value is None:
             return None
-        witness = None if found.trial is None else replay_of(program, found.trial)
+        trial = found.trial or self._clearly(term, found.value, assumed, limits)
+        witness = None if trial is None else replay_of(program, trial)
         return Extreme(self.sign * found.value, found.attained, found.evidence, witness)
+
+    def _clearly(
+        self, term: Real, value: Fraction, assumed: Sequence[Claim], limits: Limits
+    ) -> Trial | None:
+        """A history of floats close to the value on which premises and guards hold with room."""
+        solver = self.model.solver(limits.work)
+        solver.add(term > exact.number(value - CLOSE / 2, self.model.context))
+        solver.add(*(exact.as_term(p.holds, self.model.context) for p in assumed))
+        solver.add(exact.as_term(settled(self.model, self.slack), self.model.context))
+        for slack in _SLACKS:
+            solver.push()
+            solver.add(self.slack == exact.number(slack, self.model.context))
+            if solver.check() == z3.sat:
+                for trial in trials_of(self.model, solver.model()):
+                    try:
+                        if value - self.measure(trial) <= CLOSE:
+                            return trial
+                    except NotRational:
+                        continue
+            solver.pop()
+        return None
 
     def measure(self, trial: Trial) -> Fraction:
         """The side's value on a history, exactly. Raises `NotRational` also where a premise fails:
