@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from pirlc.report.highlight import highlighted
 
@@ -86,7 +86,7 @@ def shown(node: Node, digits: int = 6) -> Markup:
         case "-inf":
             return _element(node, "unlimited below")
         case str() as text:
-            return _element(node, text)
+            return _element(node, _prose(text))
         case _:
             raise TypeError(f"{node._pointer} is no single value")
 
@@ -110,7 +110,18 @@ def evidence(node: Node) -> Markup:
     )
 
 
-def _element(node: Node, text: str) -> Markup:
+def _prose(text: str) -> Markup:
+    """What stands between backticks as code, without them."""
+    parts = text.split("`")
+    if len(parts) % 2 == 0:
+        return escape(text)
+    code = Markup("<code>{}</code>")
+    return Markup("").join(
+        code.format(part) if odd % 2 else escape(part) for odd, part in enumerate(parts)
+    )
+
+
+def _element(node: Node, text: str | Markup) -> Markup:
     return Markup('<span data-json="{}">{}</span>').format(node._pointer, text)
 
 

@@ -170,12 +170,12 @@ def _finite(value: float | str) -> float | None:
 
 
 def _verification(found: Mapping[str, Any]) -> dict[str, Any]:
-    kinds = [p["evidence"]["kind"] for p in found["properties"]]
     return {
-        "proved": kinds.count("proved"),
-        "refuted": kinds.count("refuted"),
-        "properties": len(kinds),
-        "seconds": sum(p["seconds"] for p in found["properties"]),
+        "properties": len(found["properties"]),
+        "proved": {
+            arithmetic: sum(p[arithmetic]["kind"] == "proved" for p in found["properties"])
+            for arithmetic in ("evidence", "binary64", "binary32")
+        },
         "found": found,
     }
 
@@ -231,17 +231,17 @@ def _missing(
         yield f"There are no action traces: {_where(stored, TRACES)}."
     if stored.verification is None:
         yield (
-            f"Nothing is proved here: {_where(stored, VERIFICATION)}. pirlc verify proves the "
+            f"Nothing is proved here: {_where(stored, VERIFICATION)}. `pirlc verify` proves the "
             "properties of a program by itself."
         )
     if stored.analysis is None:
         yield (
-            f"No control-theory figures: {_where(stored, ANALYSIS)}. pirlc analyze finds them for "
-            "a program by itself."
+            f"No control-theory figures: {_where(stored, ANALYSIS)}. `pirlc analyze` finds them "
+            "for a program by itself."
         )
 
 
 def _where(stored: Stored, name: str) -> str:
     if name in stored.others:
-        return f"{name} is about another program, which this run had before"
-    return f"{name} is not there; it is written at the end of pirlc synth"
+        return f"`{name}` is about another program, which this run had before"
+    return f"`{name}` is not there; it is written at the end of `pirlc synth`"

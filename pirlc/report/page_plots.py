@@ -145,7 +145,7 @@ def _traces(traces: Data) -> str:
         panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
         steps = range(shown)
         for axes, action in zip(panels, traces["actions"], strict=False):
-            style = {"drawstyle": "steps-post", "linewidth": 1.0}
+            style = {"drawstyle": "steps-post", "linewidth": 0.9}
             if action["oracle"] is not None:
                 axes.plot(
                     steps, _curve(action["oracle"][:shown]), color=_ORANGE, label="oracle",
@@ -163,7 +163,8 @@ def _traces(traces: Data) -> str:
             panels[-1].set_ylim(bottom=0.0)
         panels[-1].set_xlabel("step")
         panels[-1].set_xlim(0, max(1, shown - 1))
-        _legend(panels[0])
+        if distance is not None:
+            _legend(panels[0])
         return svg_of(figure, "traces", title)
 
 

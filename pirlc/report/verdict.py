@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pirlc.report.words import counted, in_interval, tally
+from pirlc.report.words import counted, in_interval
 
 Data = Mapping[str, Any]
 
@@ -20,7 +20,7 @@ def verdict(
         return [_said("program", "open", "No program has been found yet.")]
     lines = [
         _of_returns(returns),
-        *([] if verification is None else _of_proofs(verification["found"])),
+        *([] if verification is None else _of_proofs(verification)),
         *([] if analysis is None else _of_loops(analysis)),
     ]
     if verification is None:
@@ -46,14 +46,11 @@ def _of_returns(returns: Data | None) -> dict[str, str]:
     return _said("returns", "plain", text + ".")
 
 
-def _of_proofs(found: Data) -> Iterator[dict[str, str]]:
+def _of_proofs(verification: Data) -> Iterator[dict[str, str]]:
+    found = verification["found"]
     properties = found["properties"]
     if properties:
-        kinds = [p["evidence"]["kind"] for p in properties]
-        proved = kinds.count("proved")
-        text = f"Properties: {proved} of {len(kinds)} proved"
-        rest = tally(kind for kind in kinds if kind != "proved")
-        yield _said("proofs", _mark(kinds), text + (f", {rest}." if rest else "."))
+        yield _of_properties(verification["proved"], properties)
     else:
         yield _said("proofs", "plain", "The program states no property to prove.")
     emitted = found["emitted"]
@@ -62,6 +59,22 @@ def _of_proofs(found: Data) -> Iterator[dict[str, str]]:
         words = ", ".join(f"{e['evidence']['words']} for {e['real']}" for e in emitted)
         same = "That the emitted C equals the program, for all inputs and states, is"
         yield _said("emitted", _mark(kinds), f"{same} {words}.")
+
+
+def _of_properties(proved: Data, properties: list[Data]) -> dict[str, str]:
+    """Arithmetic that runs counts as much as real arithmetic."""
+    text = (
+        f"Properties proved: {proved['evidence']} of {len(properties)} in real arithmetic, "
+        f"{proved['binary64']} in binary64, {proved['binary32']} in binary32"
+    )
+    kinds = [p[one]["kind"] for p in properties for one in ("evidence", "binary64", "binary32")]
+    refuted = [
+        p["name"]
+        for p in properties
+        if "refuted" in (p["evidence"]["kind"], p["binary64"]["kind"], p["binary32"]["kind"])
+    ]
+    text += f". Refuted: {', '.join(refuted)}." if refuted else "."
+    return _said("proofs", _mark(kinds), text)
 
 
 def _mark(kinds: list[str]) -> str:

@@ -1,11 +1,9 @@
-"""Numbers and evidence in words, for the page's sentences."""
+"""Numbers in words, for the page's sentences."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
-
-from pirlc.ir.evidence import Kind
 
 
 def number(value: float) -> str:
@@ -32,10 +30,3 @@ def in_interval(subject: Mapping[str, Any]) -> str:
 def counted(count: int, one: str, many: str | None = None) -> str:
     """``1 proof``, ``2 proofs``."""
     return f"{count:,} {one if count == 1 else many or one + 's'}"
-
-
-def tally(kinds: Iterable[str]) -> str:
-    """How many of each kind of evidence, the strongest first: ``2 proved, 1 unknown``."""
-    found = list(kinds)
-    parts = [f"{n} {kind.value}" for kind in Kind if (n := found.count(kind.value))]
-    return ", ".join(parts)

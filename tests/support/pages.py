@@ -92,6 +92,7 @@ def figures_in(text: str) -> list[str]:
 
 HOSTILE = (
     "x</code></pre><script>alert(1)</script><img src=x onerror=alert(2)> & \" ' $x$ {{ 7*7 }} ]]>"
+    " `<b>` \\ </title></svg>"
 )
 """A text that nobody should trust."""
 
