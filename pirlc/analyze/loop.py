@@ -28,8 +28,8 @@ from pirlc.analyze.findings import (
 from pirlc.analyze.margins import margins_of
 from pirlc.analyze.problems import Disagreement, error
 from pirlc.analyze.realisation import Complex, Real, Realisation, angles, phase_crossings
-from pirlc.analyze.schur import LARGEST, is_schur
-from pirlc.ir.evidence import Evidence, Kind
+from pirlc.analyze.schur import decided
+from pirlc.ir.evidence import Evidence, Kind, unknown
 
 _SHOWN = 500
 """Samples of a frequency response, about."""
@@ -151,14 +151,14 @@ def _number(z: complex) -> str:
 
 
 def _stability(parts: Assembly, poles: Complex) -> tuple[bool, Evidence]:
-    """Whether the closed loop is stable: exactly where that is quick."""
-    if len(parts.b) <= LARGEST:
-        stable = is_schur(parts.closed)
-        return stable, Evidence(
-            Kind.LINEARISED, "stability by Schur and Cohn's test in exact rationals"
-        )
+    """Whether the closed loop is stable: exactly, where that can be."""
+    stable, by = decided(parts.closed)
+    if stable is not None:
+        return stable, Evidence(Kind.LINEARISED, f"stability by {by}")
     stable = bool(np.all(np.abs(poles) < 1.0 - _CIRCLE))
-    return stable, Evidence(Kind.LINEARISED, "stability by eigenvalues in floating point")
+    return stable, unknown(
+        "by eigenvalues in floating point alone: too many states, or too near the edge"
+    )
 
 
 def poles_of(numbers: Complex, sample_time: float | None) -> tuple[Pole, ...]:

@@ -21,6 +21,8 @@ from pirlc.analyze.findings import (
 )
 
 _WIDTH = 98
+_MOST_SHOWN = 10
+"""Poles, and values of an operating point."""
 
 
 def in_words(found: Analysis) -> str:
@@ -51,9 +53,11 @@ def _head(found: Analysis) -> list[str]:
 def _plant(plant: Plant) -> Iterator[str]:
     yield from _row("plant", f"{plant.name}: {plant.origin.value}, {len(plant.a)} states")
     yield from _row("from, to", f"{', '.join(plant.inputs)} -> {', '.join(plant.outputs)}")
-    if plant.operating:
-        at = ", ".join(f"{name} {_number(value)}" for name, value in plant.operating.items())
-        yield from _row("at", at)
+    # Of many states only those are shown that are somewhere.
+    few = len(plant.operating) <= _MOST_SHOWN
+    at = [f"{k} {_number(v)}" for k, v in plant.operating.items() if v or few]
+    if at:
+        yield from _row("at", ", ".join(at))
     if plant.fit:
         fit = ", ".join(f"{name} {value:.1f} %" for name, value in plant.fit.items())
         yield from _row("fit", f"{fit} (on rollouts that it was not made from)")
@@ -232,6 +236,8 @@ def _poles(poles: tuple[Pole, ...]) -> str:
     zeros = sum(pole.magnitude < 1e-6 for pole in poles)
     if zeros:
         shown.append(f"0 ({zeros} times)" if zeros > 1 else "0")
+    if len(shown) > _MOST_SHOWN:
+        shown[_MOST_SHOWN:] = [f"and {len(shown) - _MOST_SHOWN} more, which die away faster"]
     return ", ".join(shown) or "none"
 
 

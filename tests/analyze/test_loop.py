@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pirlc.analyze.analysis import analyze
-from pirlc.analyze.schur import characteristic, is_schur
+from pirlc.analyze.schur import by_lyapunov, characteristic, is_schur
 from pirlc.diagnostics import PirlcError
 from pirlc.ir.evidence import Kind
 from pirlc.report.data import as_data
@@ -177,6 +177,20 @@ def test_schur_and_cohns_test_is_exact():
         exact = [[Fraction(x) for x in row] for row in matrix.tolist()]
         np.testing.assert_allclose([float(x) for x in characteristic(exact)], np.poly(matrix))
         assert is_schur(exact) == (np.max(np.abs(np.linalg.eigvals(matrix))) < 1)
+
+
+@pytest.mark.parametrize("n", [3, 17, 30])
+def test_a_lyapunov_function_decides_larger_loops(n):
+    rng = np.random.default_rng(n)
+    for size in (0.9, 0.999, 1.001, 1.1):
+        matrix = rng.normal(size=(n, n))
+        matrix *= size / np.max(np.abs(np.linalg.eigvals(matrix)))
+        # Rows and columns of different size, as states in their own units have.
+        units = 10.0 ** rng.uniform(-4, 4, size=n)
+        matrix = matrix * units[:, None] / units
+        exact = [[Fraction(x) for x in row] for row in matrix.tolist()]
+        assert by_lyapunov(exact) is (size < 1)
+    assert by_lyapunov([[Fraction(1, 2), Fraction(0)], [Fraction(0), Fraction(1)]]) is None
 
 
 def test_disagreement_stops_the_analysis(monkeypatch):
