@@ -525,7 +525,7 @@ def test_a_fault_of_a_template_is_caught(name, monkeypatch, tmp_path):
 
 def test_contraction_admitted_is_caught(monkeypatch):
     text_of = printer.runtime_text
-    program = _program()
+    program = _program(SHORT)
     monkeypatch.setattr(
         printer, "runtime_text", lambda *a: text_of(*a).replace("#pragma STDC FP_CONTRACT OFF", "")
     )
