@@ -24,7 +24,16 @@ from pirlc.verify.asking import DEFAULT_LIMITS, Limits
 from pirlc.verify.deciding import LARGEST, cost
 from pirlc.verify.enclosure import Enclosure, Interval, IntervalStep, enclose, needed
 from pirlc.verify.exact import NotRational, exact_steps
-from pirlc.verify.extremes import CLOSE, Supremum, limited, supremum, why
+from pirlc.verify.extremes import (
+    CLOSE,
+    ROOMS,
+    Supremum,
+    limited,
+    settled,
+    supremum,
+    trial_of,
+    why,
+)
 from pirlc.verify.findings import ActionBounds, ChoiceBounds, Extreme, Replay
 from pirlc.verify.model import Model, unroll
 from pirlc.verify.replay import Trial, as_replay, run
@@ -32,6 +41,11 @@ from pirlc.verify.rounding import rounding
 
 OPERATIONS = 150_000
 """What branch and bound may cost for one bound, in operations on intervals."""
+
+_MOST_NONLINEAR = 500
+"""Operations that a nonlinear model may have for z3 to be asked about it."""
+
+_PARTIAL = "a division by zero or the root of a negative number is not excluded"
 
 TOO_LARGE = unknown("too large for z3")
 
@@ -167,7 +181,7 @@ class _Asked:
     def _partly(self, wanted: Quantity) -> Supremum:
         """Where a division by zero or the root of a negative number is not excluded."""
         found = self._enclosed(wanted)
-        reason = "a division by zero or the root of a negative number is not excluded"
+        reason = _PARTIAL
         domain = self.spec.domain
         assert isinstance(domain, Continuous)
         if wanted.applied and found.value is not None and not wanted.change:
@@ -194,6 +208,8 @@ class _Asked:
 
     def _attained(self, wanted: Quantity, trial: Trial) -> Fraction | None:
         """The rational value on a history that no other exceeds."""
+        if operations(self.part, wanted.steps) > _MOST_NONLINEAR:
+            return None
         try:
             value = wanted.exactly(self.part, trial)
         except NotRational:
@@ -241,20 +257,45 @@ def _choice(
     if operations(part, 1) > LARGEST:
         return ChoiceBounds(spec.name, (), (), TOO_LARGE)
     model = unroll(part, 1)
-    result = model.steps[0].raw[spec.name].value
-    reached, never, open_ = [], [], []
-    reason = ""
+    result = model.steps[0].raw[spec.name]
+    solver = limited(model, limits)
+    solver.add(exact.as_term(exact.negation(result.defined), model.context))
+    total = solver.check() == z3.unsat
+    reached: list[int] = []
+    never: list[int] = []
+    open_: list[str] = []
     for value in values:
-        solver = limited(model, limits)
-        solver.add(exact.as_term(exact.equal(result, Fraction(value)), model.context))
-        match solver.check():
-            case z3.sat:
+        match _taken(program, model, spec, value, limits):
+            case True:
                 reached.append(value)
-            case z3.unsat:
+            case False if total:
                 never.append(value)
-            case _:
-                open_.append(value)
-                reason = why(solver)
-    listed = ", ".join(map(str, open_))
-    evidence = unknown(f"{reason}: {listed}") if open_ else PROVED
+            case False:
+                open_.append(f"{value}: {_PARTIAL}")
+            case why_not:
+                open_.append(f"{value}: {why_not}")
+    evidence = unknown("; ".join(open_)) if open_ else PROVED
     return ChoiceBounds(spec.name, tuple(reached), tuple(never), evidence)
+
+
+def _taken(
+    program: Program, model: Model, spec: ActionSpec, value: int, limits: Limits
+) -> bool | str:
+    """Whether the interpreter takes the value on some history (seen) or on none (proved), or why
+    that is not known."""
+    result = model.steps[0].raw[spec.name].value
+    solver = limited(model, limits)
+    solver.add(exact.as_term(exact.equal(result, Fraction(value)), model.context))
+    rooms = [settled(model, room, None, idle=True) for room in ROOMS]
+    for conditions in ([], *rooms):
+        solver.push()
+        solver.add(*conditions)
+        answer = solver.check()
+        if answer == z3.sat:
+            trial = trial_of(model, solver.model())
+            if replay_of(program, trial).steps[-1].applied[spec.name] == value:
+                return True
+        elif not conditions:
+            return False if answer == z3.unsat else why(solver)
+        solver.pop()
+    return "taken over the reals; no history of floats was found"

@@ -33,7 +33,7 @@ _PATIENCE = 1.0
 """Seconds for one nonlinear question."""
 
 _HAIR = Fraction(1, 10**30)
-_ROOMS = (Fraction(1, 10**6), Fraction(1, 10**9), Fraction(1, 10**12), Fraction(1, 10**14))
+ROOMS = (Fraction(1, 10**6), Fraction(1, 10**9), Fraction(1, 10**12), Fraction(1, 10**14))
 """How far a witness is asked to stay from where guards turn."""
 
 
@@ -71,7 +71,8 @@ def supremum(
     attained, reached = _reached(solver, term, value)
     if reached is None:
         return Supremum(None, False, unknown("z3's optimiser and its solver disagree"), None)
-    rooms = [_settled(model, room, turning, idle=idle) for room in _ROOMS for idle in (True, False)]
+    rooms = [settled(model, room, turning, idle=idle) for room in ROOMS for idle in (True, False)]
+    solver.set("rlimit", max(1, limits.work // 10))
     trial = _clear_of_guards(model, solver, term, value, reached, measure, rooms)
     return Supremum(value, attained, PROVED, trial)
 
@@ -189,7 +190,7 @@ def _near(trial: Trial, value: Fraction, measure: Measure) -> bool:
         return False
 
 
-def _settled(model: Model, room: Fraction, turning: GuardKey | None, *, idle: bool) -> list[Term]:
+def settled(model: Model, room: Fraction, turning: GuardKey | None, *, idle: bool) -> list[Term]:
     """No guard is nearer to turning than `room`, but the one that is `turning`, and those that do
     not count if they may be `idle`."""
     conditions = []

@@ -17,6 +17,7 @@ from pirlc.ir.evidence import PROVED, Kind, unknown
 from pirlc.ir.operators import Operator
 from pirlc.ir.policy import Program
 from pirlc.ir.printer import term_text
+from pirlc.ir.terms import Term
 from pirlc.source import Span
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import BodyForm, Form, Guard, GuardKey, Inputs
@@ -44,9 +45,14 @@ class Jump:
 def jump(program: Program, model: Model, action: str, limits: Limits) -> Iterator[Remark]:
     """One remark about a continuous action with guards; `model` is of it, over one step."""
     records = model.steps[0].records[action]
+    reason = ""
     if len(records.guards) * operations(model.program, 1) > LARGEST:
+        reason = "too many guards"
+    if model.functions.nonlinear or model.functions.axioms:
+        reason = "the action is not piecewise linear"
+    if reason and records.guards:
         text = f"how far raw({action}) jumps where its guards turn is not known"
-        yield Remark(Matter.JUMP, text, unknown("too many guards"), False)
+        yield Remark(Matter.JUMP, text, unknown(reason), False, _body(model, action).span)
         return
     jumps = list(_jumps(model, action, limits))
     if not jumps:
@@ -82,9 +88,7 @@ def _size(jump: Jump) -> tuple[Fraction, bool]:
 
 
 def _jumps(model: Model, action: str, limits: Limits) -> Iterator[Jump]:
-    names = [spec.name for spec in model.program.interface.actions]
-    body = model.program.bodies[names.index(action)]
-    nodes = occurrences(body).guards
+    nodes = occurrences(_body(model, action)).guards
     inputs = Inputs(
         {name: Fraction(value) for name, value in model.program.values.items()},
         lambda sensor, index: model.window(sensor, 0)[index],
@@ -110,9 +114,13 @@ def _jumps(model: Model, action: str, limits: Limits) -> Iterator[Jump]:
 
 def _held(model: Model, action: str, inputs: Inputs, key: GuardKey) -> tuple[Form, z3.ExprRef]:
     """The action's form with a guard's answer left free, and that."""
-    names = [spec.name for spec in model.program.interface.actions]
     form = BodyForm(action, inputs, model.functions, lambda k: None if k == key else Fraction(0))
-    return form.run(model.program.bodies[names.index(action)]), form.free[0]
+    return form.run(_body(model, action)), form.free[0]
+
+
+def _body(model: Model, action: str) -> Term:
+    names = [spec.name for spec in model.program.interface.actions]
+    return model.program.bodies[names.index(action)]
 
 
 def _either_way(model: Model, guard: Guard) -> tuple[z3.ExprRef, z3.ExprRef]:
@@ -129,8 +137,6 @@ def _largest(
     boundary: z3.ExprRef,
     limits: Limits,
 ) -> Supremum:
-    if model.functions.nonlinear or model.functions.axioms:
-        return Supremum(None, False, unknown("the action is not piecewise linear"), None)
     held = (1, -1) if guard.relation is None else (1, 0)
     part = model.program
 

@@ -32,6 +32,9 @@ from pirlc.verify.model import Model, unroll
 from pirlc.verify.occurrences import occurrences
 from pirlc.verify.rounding import rounding
 
+WHERE_DEFINED = Evidence(
+    Kind.PROVED, "where nothing is divided by zero and no root is taken of a negative number"
+)
 OVER_REALS = Evidence(Kind.PROVED, "over the reals; rounding may turn a guard")
 
 
@@ -81,8 +84,16 @@ def _branches(model: Model, rounded: Model, action: str, limits: Limits) -> Iter
             answer = "never" if taken else "always"
             text = f"`{term_text(branch)}` is never reached: `{term_text(term.condition)}` "
             text += f"{answer} holds"
-            evidence = PROVED if sure else OVER_REALS
+            evidence = _evidence(model, action, sure, limits)
             yield Remark(Matter.DEAD_BRANCH, text, evidence, False, branch.span)
+
+
+def _evidence(model: Model, action: str, sure: bool, limits: Limits) -> Evidence:
+    """Of what no history of reals does; `sure`: nor does rounding. NaNs answer no comparison, so
+    that where there may be some another branch may be taken."""
+    if not _never(model, limits, exact.negation(model.steps[0].raw[action].defined)):
+        return WHERE_DEFINED
+    return PROVED if sure else OVER_REALS
 
 
 def _taken(branching: Branching, taken: bool) -> tuple[Truth, ...]:
@@ -104,7 +115,7 @@ def _guards(model: Model, rounded: Model, action: str, limits: Limits) -> Iterat
             if all(_never(model, limits, *_answers(exactly[i], not answer)) for i in places):
                 sure = all(_never(rounded, limits, *_answers(off[i], not answer)) for i in places)
                 text = f"`{term_text(node)}` is {'always' if answer else 'never'} true"
-                evidence = PROVED if sure else OVER_REALS
+                evidence = _evidence(model, action, sure, limits)
                 yield Remark(Matter.CONSTANT_GUARD, text, evidence, False, node.span)
 
 

@@ -247,6 +247,19 @@ def test_values_of_a_discrete_action() -> None:
     assert found.evidence.kind is Kind.PROVED
 
 
+def test_what_only_a_nan_takes_is_not_called_never_taken() -> None:
+    program = program_of(
+        "policy p\nsensor x : [0, 1] = 0\n"
+        "action A : {0, 1, 2} =\n"
+        "  let q = peek(x, -1) / peek(x, -1) in if q > 0 then 1 else if q <= 0 then 2 else 0\n"
+    )
+    (found,) = bounds(program)
+    assert isinstance(found, ChoiceBounds)
+    assert found.unreachable == ()
+    assert found.evidence.kind is Kind.UNKNOWN
+    assert "a division by zero" in found.evidence.reason
+
+
 LINEAR = Kinds(
     odd_numbers=False,
     depth=4,

@@ -20,7 +20,7 @@ from pirlc.semantics.precision import BINARY32
 from pirlc.source import SourceText
 from pirlc.verify.exact import exact_step
 from pirlc.verify.findings import GuardRounding, Matter, Remark
-from pirlc.verify.remarks import OVER_REALS, guard_margins, remarks
+from pirlc.verify.remarks import OVER_REALS, WHERE_DEFINED, guard_margins, remarks
 from pirlc.verify.replay import Trial, run
 from tests.support.programs import Kinds, random_program
 
@@ -100,6 +100,14 @@ def test_what_rounding_may_revive_is_proved_over_the_reals_only() -> None:
     assert remark.evidence == OVER_REALS
     (guard,) = found(body, Matter.CONSTANT_GUARD)
     assert str(guard.evidence) == "proved (over the reals; rounding may turn a guard)"
+
+
+def test_a_nan_may_take_a_branch_that_no_real_takes() -> None:
+    body = "if peek(x, -1) / peek(y, -1) > 0 or peek(x, -1) / peek(y, -1) <= 0 then 1 else 2"
+    (remark,) = found(body, Matter.DEAD_BRANCH)
+    assert remark.evidence == WHERE_DEFINED
+    program = program_of(text_of(body))
+    assert run(program, Trial({"x": (0.0, 0.0), "y": (0.0, 0.0)}, {"A": 0.0}))[0].raw["A"] == 2.0
 
 
 @pytest.mark.parametrize(
