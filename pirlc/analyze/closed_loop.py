@@ -66,19 +66,27 @@ class Shape:
         return row
 
 
+def within(plant: Plant, leaves: Sequence[Leaf]) -> tuple[tuple[Leaf, ...], tuple[str, ...]]:
+    """The leaves of the plant's inputs, with what the plant answers and takes, and notes on the
+    rest: it stays at rest."""
+    kept, notes = [], []
+    for leaf in leaves:
+        if leaf.action not in plant.inputs:
+            continue
+        lost = [f.sensor for f in leaf.filters if f.sensor not in plant.outputs]
+        lost += [r.action for r in leaf.recalls if r.action not in plant.inputs]
+        notes += [f"{name}, on which {leaf.name} depends, is no part of the plant" for name in lost]
+        filters = tuple(f for f in leaf.filters if f.sensor in plant.outputs)
+        recalls = tuple(r for r in leaf.recalls if r.action in plant.inputs)
+        kept.append(replace(leaf, filters=filters, recalls=recalls))
+    return tuple(kept), tuple(notes)
+
+
 def why_not(plant: Plant, leaves: Sequence[Leaf]) -> str | None:
-    """Why leaves and plant make no linear loop; None where they do."""
+    """Why leaves `within` a plant make no linear loop with it; None where they do."""
     for leaf in leaves:
         if leaf.evidence.kind is Kind.UNKNOWN:
             return f"{leaf.name} is not linear: {leaf.evidence.reason}"
-        if leaf.action not in plant.inputs:
-            return f"the plant has no input {leaf.action}"
-        for part in leaf.filters:
-            if part.sensor not in plant.outputs:
-                return f"the plant has no output {part.sensor}, which {leaf.name} reads"
-        for recall in leaf.recalls:
-            if recall.action not in plant.inputs:
-                return f"the plant has no input {recall.action}, which {leaf.name} recalls"
     if any(value != 0.0 for row in plant.d for value in row):
         return "the plant's readings depend on the action of the same step"
     return None

@@ -19,16 +19,23 @@ Vector = NDArray[np.float64]
 
 MOST_ORDER = 8
 
-SMALL = 6e-4
-"""A loss that no larger order need improve: errors of a fortieth of a step's change."""
+SMALL = 1e-3
+"""A loss that no larger order need improve: errors of a thirtieth of a step's change."""
+
+_LAGS = 100
+"""Steps of the dither that serve as instruments, at most."""
+
+_WEAK = 3.0
 
 
 @dataclass(frozen=True)
 class Record:
-    """Consecutive steps: readings y (T, p) and applied actions u (T, m)."""
+    """Consecutive steps: readings y (T, p), applied actions u (T, m), and of the latter what was
+    drawn at random (T, m), whatever the readings were (None: nothing is known to be)."""
 
     y: Vector
     u: Vector
+    dither: Vector | None = None
 
     def __len__(self) -> int:
         return len(self.y)
@@ -82,11 +89,46 @@ def fit_arx(records: Sequence[Record], order: int) -> Arx:
     parts = [regression(record, order, y_mean, u_mean) for record in records]
     rows = np.concatenate([part[0] for part in parts])
     goal = np.concatenate([part[1] for part in parts])
+    return _arx(_solved(rows, goal), order, y_mean, u_mean)
+
+
+def fit_by_instruments(records: Sequence[Record], order: int) -> Arx | None:
+    """The same by two-stage least squares, the dithers of the last steps being the instruments.
+
+    In a closed loop what disturbs the readings reaches the actions too, and least squares takes
+    some of its effect for theirs. Only what the dither explains of the past is regressed on here,
+    which no disturbance has a part in (Soderstrom and Stoica, Instrumental Variable Methods for
+    System Identification, 1983). None where there is no dither.
+    """
+    if any(record.dither is None or not np.any(record.dither) for record in records):
+        return None
+    lags = max(order + 1, min(_LAGS, min(map(len, records)) // 4))
+    y_mean = np.mean(np.concatenate([record.y for record in records]), axis=0)
+    u_mean = np.mean(np.concatenate([record.u for record in records]), axis=0)
+    rows, goal, instruments = [], [], []
+    for record in records:
+        past, now = regression(record, order, y_mean, u_mean)
+        dither, steps = record.dither, len(record)
+        assert dither is not None
+        drawn = [dither[lags - i : steps - i] for i in range(1, lags + 1)]
+        instruments.append(np.concatenate([*drawn, np.ones((steps - lags, 1))], axis=1))
+        rows.append(past[lags - order :])
+        goal.append(now[lags - order :])
+    z = np.concatenate(instruments)
+    explained = z @ _solved(z, np.concatenate(rows))
+    return _arx(_solved(explained, np.concatenate(goal)), order, y_mean, u_mean)
+
+
+def _solved(rows: Vector, goal: Vector) -> Vector:
+    """The weights of least squares, each column of `rows` scaled to its size."""
     scale = np.linalg.norm(rows, axis=0)
     scale[scale == 0.0] = 1.0
     weights, *_ = np.linalg.lstsq(rows / scale, goal, rcond=1e-10)
-    weights = (weights / scale[:, None]).T
-    p, m = len(y_mean), len(u_mean)
+    return np.asarray(weights / scale[:, None], dtype=np.float64)
+
+
+def _arx(solved: Vector, order: int, y_mean: Vector, u_mean: Vector) -> Arx:
+    weights, p, m = solved.T, len(y_mean), len(u_mean)
     a = weights[:, : order * p].reshape(p, order, p).transpose(1, 0, 2)
     b = weights[:, order * p : -1].reshape(p, order, m).transpose(1, 0, 2)
     return Arx(a, b, y_mean, u_mean, weights[:, -1])
@@ -145,19 +187,23 @@ def loss(model: Arx, records: Sequence[Record]) -> float:
 
 @dataclass(frozen=True)
 class Chosen:
-    """The model, and (order, loss on the selection data) of all that were tried."""
+    """The model, whether instruments made it, and (order, loss on the selection data) of all least
+    squares models that were tried."""
 
     model: Arx
+    instruments: bool
     losses: tuple[tuple[int, float], ...]
 
 
-def choose_order(
+def choose(
     estimation: Sequence[Record], selection: Sequence[Record], most: int = MOST_ORDER
 ) -> Chosen:
-    """The order of least one-step loss on `selection`, by the one-standard-error rule.
+    """The model of the order of least one-step loss on `selection`, by the one-standard-error rule.
 
     The smallest order whose loss is `SMALL`, or within one standard error (over the records of
     `selection`) of the least: higher ones fit the same noise (Breiman et al. 1984, section 3.4.3).
+    The model of that order is then made of all records, by instruments where these are strong
+    enough: its loss on `selection` must be within `_WEAK` times that of least squares.
     """
     models = [fit_arx(estimation, order) for order in range(1, most + 1)]
     by_record = np.array([[loss(model, [record]) for record in selection] for model in models])
@@ -168,7 +214,12 @@ def choose_order(
     error = gaps.std(axis=1, ddof=1) / np.sqrt(len(selection)) if len(selection) > 1 else 0 * losses
     near = (gaps.mean(axis=1) <= np.maximum(error, 1e-12)) | (losses <= SMALL)
     first = int(np.argmax(near))
-    return Chosen(
-        models[first],
-        tuple((order, float(value)) for order, value in enumerate(losses, start=1)),
-    )
+    order = first + 1
+    tried = tuple((number, float(value)) for number, value in enumerate(losses, start=1))
+    apart = fit_by_instruments(estimation, order)
+    every = [*estimation, *selection]
+    if apart is not None and loss(apart, selection) <= _WEAK * losses[first]:
+        final = fit_by_instruments(every, order)
+        if final is not None:
+            return Chosen(final, True, tried)
+    return Chosen(fit_arx(every, order), False, tried)

@@ -8,7 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pirlc.analyze.closed_loop import Mode, Shape, closed_loop, law, parts_of, shape_of, why_not
+from pirlc.analyze.closed_loop import (
+    Mode,
+    Shape,
+    closed_loop,
+    law,
+    parts_of,
+    shape_of,
+    why_not,
+    within,
+)
 from pirlc.analyze.findings import Leaf, Origin, Plant, ResponseFinding
 from pirlc.analyze.simulated import from_episodes, from_states, with_offset
 from pirlc.ir.evidence import tested, unknown
@@ -54,13 +63,14 @@ def response_of(
     E0501 to E0518 for the environment.
     """
     latency = program.interface.latency
-    against = why_not(plant, [leaf, *others])
+    every, _ = within(plant, [leaf, *others])
+    if not every or every[0].action != leaf.action or not every[0].filters:
+        return _nothing(leaf, f"{leaf.name} closes no loop around the plant")
+    against = why_not(plant, every)
     if against is not None:
         return _nothing(leaf, against)
-    whole = plant
-    plant, leaves = next(
-        part for part in parts_of(whole, [leaf, *others]) if leaf.action in part[0].inputs
-    )
+    whole, leaf = plant, every[0]
+    plant, leaves = next(part for part in parts_of(whole, every) if leaf.action in part[0].inputs)
     shape = shape_of(plant, leaves, latency)
     mode = Mode(leaf.name, {each.action: each for each in leaves})
     matrix = np.array(closed_loop(shape, mode), dtype=np.float64)

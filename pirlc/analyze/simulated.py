@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirlc.analyze.findings import Plant
+from pirlc.analyze.plants.dithered import shortened
 from pirlc.analyze.plants.equations import known_equations
-from pirlc.analyze.plants.identified import shortened
 from pirlc.analyze.plants.states import Resettable, resettable
 from pirlc.ir.operators import Operator
 from pirlc.ir.policy import Environment, Program

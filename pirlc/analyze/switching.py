@@ -21,6 +21,7 @@ from pirlc.analyze.closed_loop import (
     parts_of,
     shape_of,
     why_not,
+    within,
 )
 from pirlc.analyze.exact import Rational
 from pirlc.analyze.findings import Leaf, Plant, SwitchingFinding
@@ -53,15 +54,18 @@ def switching_of(
     action has two leaves. `leaves` are those of the continuous actions; an action without any is
     held.
     """
+    leaves, notes = within(plant, leaves)
     against = why_not(plant, leaves)
     if against is not None:
         names = tuple(mode.name for mode in modes_of(plant, leaves)[:MOST_MODES])
         return (SwitchingFinding(names, (), None, None, unknown(against)),) if names[1:] else ()
-    found = (_in_part(part, some, latency) for part, some in parts_of(plant, leaves))
+    found = (_in_part(part, some, latency, notes) for part, some in parts_of(plant, leaves))
     return tuple(finding for finding in found if finding is not None)
 
 
-def _in_part(plant: Plant, leaves: Sequence[Leaf], latency: int) -> SwitchingFinding | None:
+def _in_part(
+    plant: Plant, leaves: Sequence[Leaf], latency: int, notes: Sequence[str]
+) -> SwitchingFinding | None:
     modes = modes_of(plant, leaves)
     if len(modes) < 2:
         return None
@@ -71,7 +75,7 @@ def _in_part(plant: Plant, leaves: Sequence[Leaf], latency: int) -> SwitchingFin
         return SwitchingFinding(names[:MOST_MODES], (), None, None, unknown(reason))
     shape = shape_of(plant, leaves, latency)
     matrices = [closed_loop(shape, mode) for mode in modes]
-    return decide(names, shape.states, matrices, _notes(modes, matrices))
+    return decide(names, shape.states, matrices, (*notes, *_notes(modes, matrices)))
 
 
 def decide(

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pirlc.analyze.findings import Leaf, Origin, Plant, ResponseFinding
+from pirlc.analyze.plants.dithered import Rollouts
 from pirlc.analyze.plants.find import find_plant
-from pirlc.analyze.plants.identified import Rollouts
 from pirlc.analyze.response import response_of
 from pirlc.analyze.transfer import leaves_of, operating_point
 from pirlc.ir.evidence import Kind

@@ -347,7 +347,7 @@ action v : [-1, 1] = 3 * peek(b, -1)
     ("change", "reason"),
     [
         (("peek(Side, -1) - 4", "peek(Side, -1) * peek(Side, -1) - 4"), None),
-        (("= 1\n", "= 0\n"), "the plant has no output Side, which Torque 1 reads"),
+        (("= 1\n", "= 0\n"), "Side, on which Torque 1 depends, is no part of the plant"),
     ],
 )
 def test_what_makes_no_linear_loop(change: tuple[str, str], reason: str | None) -> None:
@@ -367,4 +367,4 @@ def test_what_makes_no_linear_loop(change: tuple[str, str], reason: str | None) 
         # A tangent is taken: Side * Side has no slope at 0.
         assert finding.evidence.kind is Kind.REFUTED
     else:
-        assert finding.evidence == Evidence(Kind.UNKNOWN, reason)
+        assert reason in finding.notes

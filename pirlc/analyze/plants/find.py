@@ -10,8 +10,9 @@ import numpy as np
 
 from pirlc.analyze.findings import Origin, Plant
 from pirlc.analyze.plants.differences import differences, find_rest
+from pirlc.analyze.plants.dithered import Rollouts, shortened
 from pirlc.analyze.plants.equations import Equations, OperatingPoint, known_equations
-from pirlc.analyze.plants.identified import Rollouts, identify_plant, shortened
+from pirlc.analyze.plants.identified import identify_plant
 from pirlc.analyze.plants.linear import from_differences, from_equations, largest_miss
 from pirlc.analyze.plants.problems import NoEquations, UnknownOperatingPoint, failure
 from pirlc.analyze.plants.states import Resettable, Vector, middle_action, resettable

@@ -15,19 +15,18 @@ from pirlc.analyze.identification import (
     Arx,
     Chosen,
     Record,
-    choose_order,
+    choose,
     fit_percent,
     free_run,
     one_step,
 )
+from pirlc.analyze.plants.dithered import Rollout, Rollouts, roll_out
 from pirlc.analyze.plants.linear import rows
 from pirlc.analyze.plants.problems import NotExcited, TooShort, failure
 from pirlc.analyze.plants.subject import Subject, sample_time, sensors_of
 from pirlc.ir.evidence import tested
-from pirlc.ir.policy import ActionSpec, Choice, Continuous, Environment, Sensor
-from pirlc.semantics.policies import InterpretedPolicy
+from pirlc.ir.policy import ActionSpec, Sensor
 from pirlc.simulation.environments import Simulator
-from pirlc.simulation.rollout import Episode, run_episode
 
 Vector = NDArray[np.float64]
 
@@ -40,77 +39,6 @@ LONGEST_RUN = 50
 _GROWTH = 3.0
 
 
-@dataclass(frozen=True)
-class Rollouts:
-    """Episodes with a dither on every continuous action: a level drawn anew after some steps.
-
-    The level is uniform within `dither` times the action's range; how long it stays is geometric
-    with a mean of `hold` steps. Discrete actions are replaced by another of their values in a share
-    `dither` of the steps. `settled`: the share of an episode, from its start, that is left out;
-    episodes are cut off after `most_steps`.
-    Half of the episodes estimate the model, a quarter chooses its order, a quarter tells its fit;
-    episode i is from seed `seed + i`, its dither from (`seed`, i).
-    """
-
-    episodes: int = 12
-    dither: float = 0.1
-    hold: float = 12.0
-    settled: float = 0.4
-    most_steps: int = 1500
-    seed: int = 0
-
-
-class Dithered:
-    """A program whose actions are disturbed; what it believes to have done stays its own."""
-
-    def __init__(self, subject: Subject, rollouts: Rollouts, number: int) -> None:
-        self._policy = InterpretedPolicy(subject.program)
-        self._rollouts = rollouts
-        self._number = number
-        self._actions = sorted(subject.program.interface.actions, key=lambda a: a.component)
-        self._levels = [0.0] * len(self._actions)
-        self._random = np.random.default_rng((rollouts.seed, number))
-
-    def reset(self) -> None:
-        self._policy.reset()
-        self._levels = [0.0] * len(self._actions)
-        self._random = np.random.default_rng((self._rollouts.seed, self._number))
-
-    def act(self, observation: Vector) -> tuple[float, ...]:
-        own = self._policy.act(observation)
-        return tuple(
-            self._disturbed(place, action, value)
-            for place, (action, value) in enumerate(zip(self._actions, own, strict=True))
-        )
-
-    def _disturbed(self, place: int, action: ActionSpec, value: float) -> float:
-        chance = self._random.random()
-        match action.domain:
-            case Choice(values):
-                if chance >= self._rollouts.dither or len(values) < 2:
-                    return value
-                return float(self._random.choice([other for other in values if other != value]))
-            case Continuous(lower, upper):
-                if chance < 1.0 / self._rollouts.hold:
-                    size = self._rollouts.dither * (upper - lower)
-                    self._levels[place] = float(self._random.uniform(-size, size))
-                return min(max(value + self._levels[place], lower), upper)
-
-
-def roll_out(subject: Subject, simulator: Simulator, rollouts: Rollouts) -> list[Episode]:
-    """The disturbed episodes. Raises PirlcError E0514 to E0518."""
-    return [
-        run_episode(simulator, Dithered(subject, rollouts, i), rollouts.seed + i)
-        for i in range(rollouts.episodes)
-    ]
-
-
-def shortened(environment: Environment, steps: int, limit: int | None) -> Environment:
-    """The environment with episodes of at most `steps`; `limit` is its own."""
-    fewer = steps if limit is None else min(steps, limit)
-    return environment.with_arguments((("max_episode_steps", fewer),))
-
-
 def identify_plant(subject: Subject, simulator: Simulator, rollouts: Rollouts) -> Plant:
     """ARX models of the actions with the sensors that they read, side by side in one plant.
 
@@ -119,17 +47,15 @@ def identify_plant(subject: Subject, simulator: Simulator, rollouts: Rollouts) -
 
     Raises PirlcError E0514 to E0518 for the rollouts, E0934 or E0935 where they do not serve.
     """
-    episodes = roll_out(subject, simulator, rollouts)
-    usable = [settled(episode, rollouts) for episode in episodes]
-    usable = [piece for piece in usable if len(piece[0]) >= LEAST_STEPS]
+    usable = [r for r in roll_out(subject, simulator, rollouts) if len(r) >= LEAST_STEPS]
     name = subject.environment.id
     if len(usable) < 4:
-        found = sum(len(piece[0]) for piece in usable)
+        found = sum(map(len, usable))
         raise failure(TooShort(name, found, 4 * LEAST_STEPS))
     models = [
         _identified(subject, actions, sensors, usable) for actions, sensors in _groups(subject)
     ]
-    seen = np.mean(np.concatenate([y for y, _ in usable]), axis=0)
+    seen = np.mean(np.concatenate([rollout.observations for rollout in usable]), axis=0)
     return _joined(subject, simulator, rollouts, models, seen)
 
 
@@ -142,15 +68,6 @@ class Identified:
     free_run: Vector
     horizon: int
     steps: int
-
-
-def settled(episode: Episode, rollouts: Rollouts) -> tuple[Vector, Vector]:
-    """The episode without its beginning and from the last missing reading on."""
-    first = int(rollouts.settled * len(episode.actions))
-    y, u = episode.observations[first:], episode.actions[first:]
-    missing = np.flatnonzero(~np.isfinite(y).all(axis=1))
-    after = int(missing[-1]) + 1 if len(missing) else 0
-    return y[after:], u[after:]
 
 
 def _groups(
@@ -180,11 +97,14 @@ def _identified(
     subject: Subject,
     actions: tuple[ActionSpec, ...],
     sensors: tuple[Sensor, ...],
-    usable: Sequence[tuple[Vector, Vector]],
+    usable: Sequence[Rollout],
 ) -> Identified:
     columns = [sensor.index for sensor in sensors]
     components = [action.component for action in actions]
-    records = [Record(y[:, columns], u[:, components]) for y, u in usable]
+    records = [
+        Record(r.observations[:, columns], r.actions[:, components], r.dither[:, components])
+        for r in usable
+    ]
     for what, names, data in (
         ("action", [a.name for a in actions], [r.u for r in records]),
         ("sensor", [s.name for s in sensors], [r.y for r in records]),
@@ -195,7 +115,7 @@ def _identified(
     half, quarter = len(records) // 2, len(records) // 4
     estimation, selection = records[:half], records[half : half + quarter]
     held_out = records[half + quarter :]
-    chosen = choose_order(estimation, selection)
+    chosen = choose(estimation, selection)
     ahead = [one_step(chosen.model, record) for record in held_out]
     horizon = horizon_of(chosen.model)
     free = [free_run(chosen.model, record, horizon) for record in held_out]
@@ -257,8 +177,7 @@ def _joined(
         f"from {rollouts.episodes} rollouts of the program with a random dither of "
         f"{rollouts.dither:.3g} of each action's range, without the first {rollouts.settled:.0%} "
         "of each; a linear model of what happens there, with the other actions as the program has "
-        "them. What disturbs the loop meanwhile (bends of a road) biases it, the less the larger "
-        "the dither"
+        "them"
     )
     for state in states:
         operating.setdefault(state, 0.0)
@@ -293,4 +212,6 @@ def _note(model: Identified) -> str:
         f"{model.horizon} steps"
         for sensor, ahead, free in zip(model.sensors, model.one_step, model.free_run, strict=True)
     )
-    return f"{names}: ARX of order {model.chosen.model.order}; fit on held-out rollouts: {fits}"
+    how = "instrumental variables (the dither)" if model.chosen.instruments else "least squares"
+    order = model.chosen.model.order
+    return f"{names}: ARX of order {order} by {how}; fit on held-out rollouts: {fits}"
