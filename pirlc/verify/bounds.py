@@ -22,7 +22,7 @@ from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_terms import Real, Truth
 from pirlc.verify.asking import DEFAULT_LIMITS, Limits
 from pirlc.verify.deciding import LARGEST, cost
-from pirlc.verify.enclosure import Enclosure, Interval, IntervalStep, enclose, needed
+from pirlc.verify.enclosure import Enclosure, IntervalStep, enclose, needed
 from pirlc.verify.exact import NotRational, exact_steps
 from pirlc.verify.extremes import (
     CLOSE,
@@ -35,6 +35,7 @@ from pirlc.verify.extremes import (
     why,
 )
 from pirlc.verify.findings import ActionBounds, ChoiceBounds, Extreme, Replay
+from pirlc.verify.intervals import Interval
 from pirlc.verify.model import Model, unroll
 from pirlc.verify.replay import Trial, as_replay, run
 from pirlc.verify.rounding import rounding

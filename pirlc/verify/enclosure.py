@@ -15,19 +15,18 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from mpmath import iv, mp
+from mpmath import iv
 
-from pirlc.ir.operators import Operator
 from pirlc.ir.policy import Choice, Continuous, Program
 from pirlc.ir.terms import PreviousAction, subterms
 from pirlc.ir.types import Type
-from pirlc.symbolic.walk import Algebra, walk
+from pirlc.symbolic.walk import walk
+from pirlc.verify.intervals import DIGITS, Interval, Possible, algebra, between, clip, end
 from pirlc.verify.model import finite_range
 
 CLOSE = Fraction(1, 10**9)
 """How near a bound must be to a value that some history gives."""
 
-_DIGITS = 120
 _STARTS = 10
 _HOPELESS = 100
 """Boxes after which one without any bound is not expected to get one."""
@@ -36,15 +35,6 @@ Place = tuple[str, int]
 """A reading (sensor, number from the oldest) or an action's first `previous` (action, -1)."""
 
 Box = dict[Place, tuple[float, float]]
-
-Interval = Any
-"""An `ivmpf`: mpmath has no type stubs."""
-
-Possible = Any
-"""All values that a box may give: an `Interval`, or a frozenset of truths or discrete actions."""
-
-_TRUE, _FALSE = frozenset((True,)), frozenset((False,))
-_EITHER = _TRUE | _FALSE
 
 
 @dataclass(frozen=True)
@@ -75,7 +65,7 @@ def enclose(
     """The supremum of an objective of some actions over all histories of good readings, wherever
     it is defined."""
     saved = iv.prec
-    iv.prec = _DIGITS
+    iv.prec = DIGITS
     try:
         return _Search(program, actions, steps, objective, evaluations).run()
     finally:
@@ -112,11 +102,11 @@ class _Search:
 
     def at(self, point: Mapping[Place, float]) -> Fraction | None:
         """What a history gives at least; None where it may be undefined or infinite."""
-        return _end(self.value({place: (x, x) for place, x in point.items()}), 0)
+        return end(self.value({place: (x, x) for place, x in point.items()}), 0)
 
     def top(self, box: Box) -> Fraction | None:
         """What no history in a box exceeds."""
-        return _end(self.value(box), 1)
+        return end(self.value(box), 1)
 
     def _evaluate(self, box: Box) -> list[IntervalStep]:
         interface = self.program.interface
@@ -124,7 +114,7 @@ class _Search:
         for action in interface.actions:
             match action.domain:
                 case Continuous():
-                    previous[action.name] = iv.mpf(box[action.name, -1])
+                    previous[action.name] = between(*box[action.name, -1])
                 case Choice(values):
                     previous[action.name] = frozenset(values)
         done = []
@@ -132,14 +122,16 @@ class _Search:
             raw: dict[str, Possible] = {}
             applied: dict[str, Possible] = {}
             before = self._before(previous, free=step == 0)
-            algebra = _algebra(self.program, self._reader(box, step), before)
+            form = algebra(self.program, self._reader(box, step), before)
             for action, body in zip(interface.actions, self.program.bodies, strict=True):
                 if action.name not in self.needed:
                     continue
-                raw[action.name] = result = walk(body, algebra)
+                raw[action.name] = result = walk(body, form)
                 match action.domain:
                     case Continuous(lower, upper):
-                        applied[action.name] = _clip(result, iv.mpf(lower), iv.mpf(upper))
+                        applied[action.name] = clip(
+                            result, between(lower, lower), between(upper, upper)
+                        )
                     case Choice():
                         applied[action.name] = result
             done.append(IntervalStep(raw, applied))
@@ -150,7 +142,7 @@ class _Search:
         def element(sensor: str, index: int) -> Possible:
             place = (sensor, step + self.program.interface.window + index)
             self.read.add(place)
-            return iv.mpf(box[place])
+            return between(*box[place])
 
         return element
 
@@ -229,7 +221,7 @@ class _Search:
             low, high = box[place]
             middle = low / 2 + high / 2
             value = self.value({**box, place: (middle, middle)})
-            ends = _end(value, 0), _end(value, 1)
+            ends = end(value, 0), end(value, 1)
             if ends[0] is None or ends[1] is None:
                 return True, Fraction(0), low - high
             return False, ends[1] - ends[0], low - high
@@ -278,136 +270,3 @@ def _whole(program: Program, steps: int) -> Box:
         if isinstance(action.domain, Continuous):
             box[action.name, -1] = (action.domain.lower, action.domain.upper)
     return box
-
-
-def _low(x: Interval) -> Any:
-    return mp.make_mpf(x._mpi_[0])
-
-
-def _high(x: Interval) -> Any:
-    return mp.make_mpf(x._mpi_[1])
-
-
-def _end(x: Interval, which: int) -> Fraction | None:
-    """The lower (0) or upper (1) end, where it is finite."""
-    end = mp.make_mpf(x._mpi_[which])
-    if not mp.isfinite(end):
-        return None
-    sign, mantissa, exponent, _ = end._mpf_
-    return Fraction(-int(mantissa) if sign else int(mantissa)) * Fraction(2) ** int(exponent)
-
-
-def _of(low: Any, high: Any) -> Interval:
-    return iv.make_mpf((low._mpf_, high._mpf_))
-
-
-def _anything() -> Interval:
-    return iv.mpf(["-inf", "inf"])
-
-
-def _union(a: Interval, b: Interval) -> Interval:
-    return _of(min(_low(a), _low(b)), max(_high(a), _high(b)))
-
-
-def _least(a: Interval, b: Interval) -> Interval:
-    return _of(min(_low(a), _low(b)), min(_high(a), _high(b)))
-
-
-def _greatest(a: Interval, b: Interval) -> Interval:
-    return _of(max(_low(a), _low(b)), max(_high(a), _high(b)))
-
-
-def _clip(x: Interval, low: Interval, high: Interval) -> Interval:
-    if _high(low) <= _low(high):
-        return _greatest(low, _least(x, high))
-    return _union(x, _union(low, high))
-
-
-def _root(x: Interval) -> Interval:
-    """Of what has a root in the interval."""
-    if _high(x) < 0:
-        return _anything()
-    return iv.sqrt(_of(max(_low(x), mp.zero), _high(x)))
-
-
-def _tanh(x: Interval) -> Interval:
-    """Rising, so that its ends are those of the interval."""
-
-    def end(point: Any) -> Interval:
-        return 1 - 2 / (iv.exp(2 * _of(point, point)) + 1)
-
-    return _of(_low(end(_low(x))), _high(end(_high(x))))
-
-
-def _sign(x: Interval) -> Interval:
-    low, high = (mp.mpf((v > 0) - (v < 0)) for v in (_low(x), _high(x)))
-    return _of(low, high)
-
-
-def _less(a: Interval, b: Interval) -> frozenset[bool]:
-    return _TRUE if _high(a) < _low(b) else _FALSE if _low(a) >= _high(b) else _EITHER
-
-
-def _not(a: frozenset[bool]) -> frozenset[bool]:
-    return frozenset(not x for x in a)
-
-
-def _equal(a: Possible, b: Possible) -> frozenset[bool]:
-    if isinstance(a, frozenset):
-        return frozenset(x == y for x in a for y in b)
-    if _high(a) < _low(b) or _high(b) < _low(a):
-        return _FALSE
-    return _TRUE if _low(a) == _high(a) == _low(b) == _high(b) else _EITHER
-
-
-def _combined(operation: Callable[[bool, bool], bool]) -> Callable[..., frozenset[bool]]:
-    return lambda a, b: frozenset(operation(x, y) for x in a for y in b)
-
-
-def _choose(condition: Possible, a: Possible, b: Possible) -> Possible:
-    if condition == _EITHER:
-        return a | b if isinstance(a, frozenset) else _union(a, b)
-    return a if condition == _TRUE else b
-
-
-def _algebra(
-    program: Program,
-    element: Callable[[str, int], Possible],
-    previous: Callable[[str, Type], Possible],
-) -> Algebra[Possible]:
-    return Algebra(
-        literal=iv.mpf,
-        discrete=lambda value, _type: frozenset((value,)),
-        parameter=lambda name: iv.mpf(program.values[name]),
-        element=element,
-        previous=previous,
-        operators=_OPERATORS,
-        choose=_choose,
-    )
-
-
-_OPERATORS: dict[Operator, Callable[..., Possible]] = {
-    Operator.ADD: lambda a, b: a + b,
-    Operator.SUBTRACT: lambda a, b: a - b,
-    Operator.MULTIPLY: lambda a, b: a * b,
-    Operator.DIVIDE: lambda a, b: a / b,
-    Operator.NEGATE: lambda a: -a,
-    Operator.ABS: abs,
-    Operator.MIN: _least,
-    Operator.MAX: _greatest,
-    Operator.CLIP: _clip,
-    Operator.SQRT: _root,
-    Operator.EXP: iv.exp,
-    Operator.TANH: _tanh,
-    Operator.SIGN: _sign,
-    Operator.LESS: _less,
-    Operator.LESS_EQUAL: lambda a, b: _not(_less(b, a)),
-    Operator.GREATER: lambda a, b: _less(b, a),
-    Operator.GREATER_EQUAL: lambda a, b: _not(_less(a, b)),
-    Operator.EQUAL: _equal,
-    Operator.NOT_EQUAL: lambda a, b: _not(_equal(a, b)),
-    Operator.NOT: _not,
-    Operator.AND: _combined(lambda a, b: a and b),
-    Operator.OR: _combined(lambda a, b: a or b),
-    Operator.IMPLIES: _combined(lambda a, b: not a or b),
-}
