@@ -15,7 +15,8 @@ from pirlc.report.data import as_data
 from pirlc.report.page import write_report
 from pirlc.report.request import OracleRequest, SynthesisRequest
 from pirlc.report.traces import trace_episode, write_traces
-from pirlc.search.settings import Settings
+from pirlc.search.settings import Progress, Settings
+from pirlc.search.synthesis import Ending
 from pirlc.source import SourceText
 from tests.support.findings import analysis, verification
 from tests.support.oracles import balancer, save_balancer
@@ -46,11 +47,8 @@ SETTINGS = Settings(
 )
 
 
-@pytest.fixture(scope="session")
-def synthesised(tmp_path_factory: pytest.TempPathFactory) -> SynthesisResult:
-    """A real run of a second or two; nobody writes into its folder."""
-    place = tmp_path_factory.mktemp("report")
-    request = SynthesisRequest(
+def request_in(place: Path) -> SynthesisRequest:
+    return SynthesisRequest(
         source=SourceText("pole.pirl", SKETCH),
         folder=place / "run",
         cache=place / "cache",
@@ -59,7 +57,25 @@ def synthesised(tmp_path_factory: pytest.TempPathFactory) -> SynthesisResult:
         episodes=10,
         workers=1,
     )
-    return synthesize(request, lambda _: None, lambda _: None)
+
+
+@pytest.fixture(scope="session")
+def synthesised(tmp_path_factory: pytest.TempPathFactory) -> SynthesisResult:
+    """A real run of a second or two; nobody writes into its folder."""
+    return synthesize(request_in(tmp_path_factory.mktemp("report")), lambda _: None, lambda _: None)
+
+
+@pytest.fixture
+def interrupted(tmp_path: Path) -> Path:
+    """The folder of such a run that somebody stopped with Ctrl-C."""
+
+    def interrupt(progress: Progress) -> None:
+        if progress.stage.startswith("refine"):
+            raise KeyboardInterrupt
+
+    request = request_in(tmp_path)
+    assert synthesize(request, interrupt, lambda _: None).ending is Ending.INTERRUPTED
+    return request.folder
 
 
 @pytest.fixture(scope="session")

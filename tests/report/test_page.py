@@ -220,15 +220,19 @@ def test_a_run_that_has_only_begun(tmp_path, reported, run):
     assert len(data["missing"]) == 5
 
 
-def test_an_interrupted_run_says_what_was_not_measured(run, reported):
-    manifest = json.loads((run / "manifest.json").read_text())
-    manifest["state"] = "interrupted"
-    manifest["evaluation"]["returns"] = {}
-    (run / "manifest.json").write_text(json.dumps(manifest))
-    text, data = reported(run)
-    assert "Returns were not measured" in data["missing"][0]
-    assert sections(Page(text))[0] == "program"
+def test_an_interrupted_run_says_what_was_not_measured(interrupted, reported):
+    text, data = reported(interrupted)
+    page = Page(text)
+    check_figures(page, data)
+    assert [line.split(":")[0] for line in data["missing"]] == [
+        "Returns were not measured",
+        "There are no action traces",
+        "Nothing is proved here",
+        "No control-theory figures",
+    ]
+    assert sections(page) == ["program", "search", "resources", "sketch"]
     assert "The run was interrupted" in text
+    assert data["head"]["verdict"][0]["mark"] == "open"
 
 
 def test_findings_about_another_program_are_not_shown(full, reported):
