@@ -118,7 +118,24 @@ def near_reading(
 ) -> float:
     """A number of a precision near a reading, inside the sensor's widened range: the nearest, or
     with `digits` one that this many decimals tell, relative to the range's ends."""
-    low, high = finite_range(sensor)
+    return _near(finite_range(sensor), value, precision, digits)
+
+
+def near_action(
+    spec: ActionSpec, value: Fraction, precision: Precision, digits: int | None = None
+) -> float:
+    """The same for an action that was applied."""
+    match spec.domain:
+        case Continuous(lower, upper):
+            return _near((lower, upper), value, precision, digits)
+        case Choice():
+            return float(value)
+
+
+def _near(
+    ends: tuple[float, float], value: Fraction, precision: Precision, digits: int | None
+) -> float:
+    low, high = ends
     if digits is not None:
         value = round(value, digits - math.ceil(math.log10(max(-low, high))))
     near = float(value)

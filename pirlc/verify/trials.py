@@ -23,7 +23,7 @@ from pirlc.semantics.vectorised import apply_actions, compile_plan
 from pirlc.symbolic.walk import Algebra, walk
 from pirlc.symbolic.z3_terms import Term, fraction
 from pirlc.verify.model import Model, failing_sensors, finite_range
-from pirlc.verify.replay import Trial, near_reading
+from pirlc.verify.replay import Trial, near_action, near_reading
 
 Reals = NDArray[np.float64]
 
@@ -65,7 +65,10 @@ def _trial(model: Model, answer: z3.ModelRef, precision: Precision, digits: int 
             given[: window - 1] = [middle(sensor.lower, sensor.upper)] * (window - 1)
             given[window - 1 : window - 1 + begin] = [math.nan] * begin
         readings[sensor.name] = tuple(given)
-    previous = {name: float(_value(answer, term)) for name, term in model.previous.items()}
+    previous = {
+        spec.name: near_action(spec, _value(answer, model.previous[spec.name]), precision, digits)
+        for spec in program.interface.actions
+    }
     failed = [
         number
         for number, step in enumerate(model.steps)

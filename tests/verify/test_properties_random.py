@@ -111,7 +111,7 @@ def write(seed: int, hard: bool) -> str:
     )
 
 
-def look(seed: int, hard: bool, tries: int = 20_000) -> str:
+def look(seed: int, hard: bool, tries: int = 4_000) -> str:
     """The kind of the finding, after trying to contradict it."""
     program = program_of(write(seed, hard))
     (claim,) = program.properties
@@ -135,7 +135,7 @@ def look(seed: int, hard: bool, tries: int = 20_000) -> str:
 
 @pytest.mark.parametrize("hard", [False, True])
 def test_random_programs_are_judged_rightly(hard):
-    kinds = [look(seed, hard) for seed in range(25)]
+    kinds = [look(seed, hard) for seed in range(12)]
     assert {"proved", "refuted"} <= set(kinds)
     if not hard:
         assert "unknown" not in kinds
@@ -150,8 +150,8 @@ def test_many_random_programs_are_judged_rightly(hard):
         assert "unknown" not in kinds
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
-@given(st.integers(0, 10**9), st.fractions(-3, 3, max_denominator=64))
+@settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck))
+@given(st.integers(0, 10**9), st.integers(-192, 192).map(lambda n: n / 64))
 def test_a_linear_programs_supremum_is_the_edge_of_what_is_proved(seed, offset):
     chance = random.Random(seed)
     gains = [chance.choice([-2.5, -1, 0, 0.75, 3]) for _ in range(6)]
@@ -161,13 +161,13 @@ def test_a_linear_programs_supremum_is_the_edge_of_what_is_proved(seed, offset):
             gains, [(name, index) for name in "xy" for index in (-1, -2, -3)], strict=True
         )
     )
-    most = float(offset) + sum(
+    most = offset + sum(
         max(gain * low, gain * high)
         for gain, (low, high) in zip(gains, [(-1, 1)] * 3 + [(0.5, 3)] * 3, strict=True)
     )
     text = (
         "policy edge\nsensor x : [-1, 1] = 0\nsensor y : [0.5, 3] = 1\nwindow 3\n"
-        f"action A : [-2, 2] = {float(offset)} + {terms}\nproperty p = raw(A) <= {most}\n"
+        f"action A : [-2, 2] = {offset} + {terms}\nproperty p = raw(A) <= {most}\n"
     )
     # All numbers are dyadic with few digits: nothing is rounded.
     program = program_of(text)
