@@ -17,6 +17,9 @@ from pirlc.analyze.realisation import Complex, Real, Realisation
 
 Rows = list[list[Fraction]]
 
+_ROUNDING = 1e-12
+"""What is left of a vector by no more than this share is nothing but rounding."""
+
 
 @dataclass(frozen=True)
 class Assembly:
@@ -67,14 +70,14 @@ def _reachable(a: Real, b: Real, c: Real) -> tuple[Real, Real, Real]:
     if not size:
         return np.zeros((0, 0)), np.zeros(0), np.zeros(0)
     basis = [b / size]
-    scale = max(float(np.linalg.norm(a)), 1e-300)
     while len(basis) < n:
         new = a @ basis[-1]
+        largest = float(np.linalg.norm(np.abs(a) @ np.abs(basis[-1])))
         q = np.array(basis)
         for _ in range(2):
             new = new - q.T @ (q @ new)
         rest = float(np.linalg.norm(new))
-        if rest <= 1e-11 * scale:
+        if rest <= _ROUNDING * largest:
             break
         basis.append(new / rest)
     q = np.array(basis)

@@ -27,6 +27,7 @@ import json
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -194,18 +195,12 @@ class _Reader:
         c, d = np.zeros((len(outputs), n)), np.zeros((len(outputs), len(inputs)))
         start = 0
         for input_, output, num, den in found:
-            order = len(den) - 1
-            whole = np.concatenate([np.zeros(order + 1 - len(num)), num])
+            block = slice(start, start + len(den) - 1)
+            own = _channel(num, den, 0 if data.get("continuous", False) else 1)
             j, i = inputs.index(input_), outputs.index(output)
-            d[i, j] += whole[0]
-            if order:
-                # Controllable form, the newest state first.
-                block = slice(start, start + order)
-                a[start, block] = -den[1:]
-                a[block, block] += np.eye(order, k=-1)
-                b[start, j] = 1.0
-                c[i, block] = whole[1:] - den[1:] * whole[0]
-            start += order
+            a[block, block], b[block, j], c[i, block] = own[:3]
+            d[i, j] += own[3]
+            start = block.stop
         return inputs, outputs, (a, b, c, d)
 
     def operating(self, data: Mapping[str, Any]) -> dict[str, float]:
@@ -260,6 +255,40 @@ class _Reader:
         if len({len(row) for row in rows}) != 1:
             raise self.refuse(f"the rows of `{key}` differ in length")
         return np.array(rows)
+
+
+def _channel(num: Real, den: Real, around: int) -> tuple[Real, Real, Real, float]:
+    """num/den as (a, b, c, d) in controllable form, in powers of z - `around`.
+
+    A plant that is sampled fast has all its poles close to z = 1, and powers of z would lose them
+    among the rounding of large coefficients that cancel.
+    """
+    order = len(den) - 1
+    whole = [Fraction(0)] * (order + 1 - len(num)) + [Fraction(x) for x in num]
+    below = [Fraction(x) for x in den]
+    through = whole[0] / below[0]
+    above = _shifted([x - through * y for x, y in zip(whole, below, strict=True)], around)
+    below = _shifted(below, around)
+    if not order:
+        return np.zeros((0, 0)), np.zeros(0), np.zeros(0), float(through)
+    sizes = [float(abs(x / below[0])) ** (1.0 / k) for k, x in enumerate(below) if k and x]
+    # The poles are about this far from `around`; a power of two rounds nothing.
+    scale = 2.0 ** round(math.log2(max(sizes, default=1.0)))
+    powers = scale ** -np.arange(order, dtype=np.float64)
+    a = scale * np.eye(order, k=-1) + around * np.eye(order)
+    a[0] -= np.array([float(x / below[0]) for x in below[1:]]) * powers
+    c = np.array([float(x / below[0]) for x in above[1:]]) * powers
+    return a, np.eye(order)[:, 0], c, float(through)
+
+
+def _shifted(coefficients: list[Fraction], around: int) -> list[Fraction]:
+    """A polynomial by falling powers of z, in powers of z - `around`: Horner's scheme, repeated."""
+    found, rest = [], list(coefficients)
+    while rest:
+        for i in range(1, len(rest)):
+            rest[i] += around * rest[i - 1]
+        found.append(rest.pop())
+    return found[::-1]
 
 
 def _held(a: Real, b: Real, seconds: float) -> tuple[Real, Real]:
