@@ -7,7 +7,9 @@ import math
 
 import numpy as np
 import pytest
+import scipy.signal
 
+from pirlc.analyze.analysis import analyze
 from pirlc.analyze.plant_file import read_plant
 from pirlc.diagnostics import PirlcError
 from pirlc.source import SourceText
@@ -130,3 +132,29 @@ def test_other_mistakes(text, code, message):
         _read(text)
     (diagnostic,) = caught.value.diagnostics
     assert (diagnostic.code, diagnostic.message) == (code, message)
+
+
+@pytest.mark.parametrize("sampled", [False, True])
+def test_a_fast_sampled_lag_of_third_order(sampled):
+    """1 / (s + 1)^3 bears a gain of 8, where it swings at sqrt(3) rad/s; at 1 kHz nearly the same.
+
+    Its poles in z are within 1e-3 of 1: in powers of z the coefficients cancel to a billionth.
+    """
+    text = (
+        "policy p\nsensor y : [-9, 9] = 0\nsample_time 0.001\n"
+        "action u : [-9, 9] safe 0 = 0.5 * peek(0 - y, -1)\n"
+    )
+    program = program_of(text)
+    num, den = [1.0], np.poly([-1.0, -1.0, -1.0])
+    if sampled:
+        pole = math.exp(-0.001)
+        matrix = scipy.signal.cont2discrete((num, den), 0.001)
+        num, den = matrix[0][0][1:].tolist(), np.poly([pole] * 3)
+    channel = {"input": "u", "output": "y", "num": list(num), "den": list(den)}
+    data = {"channels": [channel], "continuous": not sampled}
+    plant = read_plant(SourceText("plant.json", json.dumps(data)), program)
+    (loop,) = analyze(program, plant).loops
+    # Half the gain, and a hold of half a step.
+    assert loop.margins.gain_up == pytest.approx(16.0, rel=4e-3)
+    assert loop.margins.gain_up_frequency == pytest.approx(math.sqrt(3), rel=2e-3)
+    assert max(check.difference for check in loop.checks) < 1e-6
