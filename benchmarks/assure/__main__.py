@@ -110,6 +110,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.json:
         print(json.dumps(record, indent=1))
     if options.write:
+        if options.only:
+            record = _merged(json.loads(RESULTS.read_text(encoding="utf-8")), record)
         RESULTS.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
         text = PAGE.read_text(encoding="utf-8")
         PAGE.write_text(page.filled(text, record), encoding="utf-8")
@@ -131,9 +133,18 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--skip-missing", action="store_true", help="leave out what is not installed (not in CI)"
     )
     options = parser.parse_args(arguments)
-    if options.write and options.only:
-        parser.error("--write needs all checks")
+    if options.write and options.only and not RESULTS.is_file():
+        parser.error("--write with --only needs the record of a whole run")
     return options
+
+
+def _merged(stored: dict[str, Any], record: dict[str, Any]) -> dict[str, Any]:
+    """The stored record with the checks that were run again."""
+    return {
+        **stored,
+        "versions": {**stored["versions"], **record["versions"]},
+        "checks": {**stored["checks"], **record["checks"]},
+    }
 
 
 def _check(check: Check, subjects: Sequence[Subject], work: Path, jobs: int) -> dict[str, Any]:

@@ -120,12 +120,21 @@ def resources(record: Record, real: str) -> str:
                 _short(row["label"]),
                 f"{row['operations']} + {row['checks']}",
                 *(f"{ours[key]:,}" for key in ("instructions", "flash", "ram", "stack")),
+                f"{row['taken']} of {row['branches']}",
                 *(f"{casadi[key]:,}" for key in ("instructions", "flash", "ram", "stack")),
             ]
         )
-    head = ["program", "longest path, operations", "instructions", "flash", "RAM", "stack"]
+    head = [
+        "program",
+        "longest path, operations",
+        "instructions",
+        "flash",
+        "RAM",
+        "stack",
+        "branches",
+    ]
     head += ["CasADi: instructions", "flash", "RAM", "stack"]
-    return table(head, rows, 9)
+    return table(head, rows, 10)
 
 
 def step_time(record: Record) -> str:

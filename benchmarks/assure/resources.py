@@ -19,6 +19,7 @@ from benchmarks.assure.driving import (
     CORTEX_M3,
     CORTEX_M4F,
     DRIVER,
+    HOST,
     Machine,
     answers,
     build,
@@ -30,7 +31,7 @@ from pirlc.backend.numbers import RealType
 from pirlc.ir.policy import Fill, Program
 from pirlc.symbolic.casadi_form import Element, casadi_form
 
-TOOLS = (tools.ARM_GCC, tools.QEMU_ARM)
+TOOLS = (tools.GCC, tools.ARM_GCC, tools.QEMU_ARM)
 MACHINES: dict[RealType, Machine] = {"float": CORTEX_M4F, "double": CORTEX_M3}
 """binary32 where there is hardware for it, binary64 in software."""
 
@@ -53,7 +54,10 @@ class Use:
 
 @dataclass(frozen=True)
 class Resources:
-    """`own_flash` is without libraries, `frame` the stack of the step function alone."""
+    """`own_flash` is without libraries, `frame` the stack of the step function alone.
+
+    `taken` of the C's `branches` (two for each condition) were taken by the stream.
+    """
 
     label: str
     machine: str
@@ -63,6 +67,8 @@ class Resources:
     frame: int
     operations: int
     checks: int
+    branches: int
+    taken: int
     casadi: Use
     steps: int
 
@@ -85,6 +91,7 @@ def measure(subject: Subject, work: Path) -> tuple[Resources, list[str]]:
         instructions=int(found[:, -2].max()),
         mean_instructions=round(float(found[:, -2].mean()), 1),
     )
+    branches, taken = _coverage(subject, readings, work / "covered")
     casadi, findings = _casadi(subject, machine, good(subject.program, readings), work)
     resources = Resources(
         label=subject.label,
@@ -95,6 +102,8 @@ def measure(subject: Subject, work: Path) -> tuple[Resources, list[str]]:
         frame=_frame(compiled, f"{subject.stem}_step"),
         operations=program_operations(subject.controller),
         checks=checking_operations(subject.controller),
+        branches=branches,
+        taken=taken,
         casadi=casadi,
         steps=STEPS,
     )
@@ -168,6 +177,18 @@ def _windows(
             safe = interface.actions[place].safe
             columns.append(np.concatenate([[safe], actions[:-1, place]]))
     return np.column_stack(columns)
+
+
+def _coverage(subject: Subject, readings: NDArray[np.float64], folder: Path) -> tuple[int, int]:
+    """Branches of the C, and how many of them the stream takes."""
+    program = build(subject, HOST, folder, extra=["-O0", "--coverage"])
+    answers(program, subject, HOST, readings)
+    said = tools.succeed(["gcov", "-b", "-n", "controller.gcda"], folder)
+    found = re.search(r"Taken at least once:([\d.]+)% of (\d+)", said)
+    if found is None:
+        return 0, 0
+    branches = int(found[2])
+    return branches, round(float(found[1]) * branches / 100.0)
 
 
 def _object(source: Path, machine: Machine, folder: Path, extra: list[str] | None = None) -> Path:

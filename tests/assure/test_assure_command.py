@@ -85,6 +85,18 @@ def test_the_page_shows_the_record():
     assert record["programs"] == {"examples": len(list(example_programs())), "random": 200}
 
 
+def test_the_commands_on_the_page_are_there():
+    text = command.PAGE.read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if line.startswith("$ ")]
+    assert lines[0] == "$ make assure"
+    makefile = (command.REPOSITORY / "Makefile").read_text(encoding="utf-8")
+    assert "\nassure: $(VENV)/installed-dev\n\t@$(BIN)/python -m benchmarks.assure\n" in makefile
+    others = [line.removeprefix("$ python -m benchmarks.assure ") for line in lines[1:]]
+    assert [command._options(other.split()).only for other in others] == [["cppcheck", "targets"]]
+    for name in (*command.CHECKS, *command.MEASUREMENTS):
+        assert f"| `{name}` |" in text
+
+
 @pytest.mark.skipif(bool(MISSING), reason=f"needs {', '.join(MISSING)}")
 def test_exp_and_tanh_are_within_the_bound(tmp_path, monkeypatch):
     from benchmarks.assure import functions
