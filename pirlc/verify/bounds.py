@@ -189,7 +189,9 @@ class _Asked:
             bound = Fraction(domain.upper if wanted.sign > 0 else domain.lower) * wanted.sign
             if bound - found.value <= CLOSE:
                 return replace(found, value=bound)
-        if found.evidence.reason:
+        if found.value is not None:
+            reason += f"; elsewhere it is {float(wanted.sign * found.value):.9g}"
+        elif found.evidence.reason:
             reason += f"; elsewhere {found.evidence.reason}"
         return Supremum(None, False, unknown(reason), found.trial)
 

@@ -215,16 +215,13 @@ class _Search:
         return best, point
 
     def _to_halve(self, box: Box) -> Place | None:
-        """The reading that the width of the result depends on most."""
+        """The reading that what the box promises depends on most."""
 
         def left(place: Place) -> tuple[bool, Fraction, float]:
             low, high = box[place]
             middle = low / 2 + high / 2
-            value = self.value({**box, place: (middle, middle)})
-            ends = end(value, 0), end(value, 1)
-            if ends[0] is None or ends[1] is None:
-                return True, Fraction(0), low - high
-            return False, ends[1] - ends[0], low - high
+            top = self.top({**box, place: (middle, middle)})
+            return top is None, top or Fraction(0), low - high
 
         return min(
             (p for p in self.order if box[p][0] < box[p][0] / 2 + box[p][1] / 2 < box[p][1]),

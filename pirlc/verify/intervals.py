@@ -75,6 +75,15 @@ def _greatest(a: Interval, b: Interval) -> Interval:
     return _of(max(_low(a), _low(b)), max(_high(a), _high(b)))
 
 
+def _quotient(a: Interval, b: Interval) -> Interval:
+    """Where zero ends the denominators they may be as close to it as one likes."""
+    if _low(b) == 0 < _high(b):
+        return a * _of(_low(1 / _of(_high(b), _high(b))), mp.inf)
+    if _low(b) < 0 == _high(b):
+        return a * _of(-mp.inf, _high(1 / _of(_low(b), _low(b))))
+    return a / b
+
+
 def clip(x: Interval, low: Interval, high: Interval) -> Interval:
     if _high(low) <= _low(high):
         return _greatest(low, _least(x, high))
@@ -149,7 +158,7 @@ _OPERATORS: dict[Operator, Callable[..., Possible]] = {
     Operator.ADD: lambda a, b: a + b,
     Operator.SUBTRACT: lambda a, b: a - b,
     Operator.MULTIPLY: lambda a, b: a * b,
-    Operator.DIVIDE: lambda a, b: a / b,
+    Operator.DIVIDE: _quotient,
     Operator.NEGATE: lambda a: -a,
     Operator.ABS: abs,
     Operator.MIN: _least,

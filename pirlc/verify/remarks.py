@@ -90,10 +90,11 @@ def _branches(model: Model, rounded: Model, action: str, limits: Limits) -> Iter
 
 def _evidence(model: Model, action: str, sure: bool, limits: Limits) -> Evidence:
     """Of what no history of reals does; `sure`: nor does rounding. NaNs answer no comparison, so
-    that where there may be some another branch may be taken."""
-    if not _never(model, limits, exact.negation(model.steps[0].raw[action].defined)):
-        return WHERE_DEFINED
-    return PROVED if sure else OVER_REALS
+    that where a side may be one another branch may be taken."""
+    guards = model.steps[0].records[action].guards
+    if all(_never(model, limits, exact.negation(guard.defined)) for guard in guards):
+        return PROVED if sure else OVER_REALS
+    return WHERE_DEFINED
 
 
 def _taken(branching: Branching, taken: bool) -> tuple[Truth, ...]:
