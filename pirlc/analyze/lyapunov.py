@@ -6,6 +6,7 @@ and then rounded to rationals; only the exact check decides.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -90,7 +91,10 @@ def lyapunov(modes: Sequence[Rational], length: int) -> Lyapunov | None:
         decay = worst**2 + share * (1.0 - worst**2)
         basis = _basis(numbers, decay)
         inverse = np.linalg.inv(basis)
-        solved = _solve([inverse @ a @ basis for a in numbers], edges, decay)
+        with warnings.catch_warnings():
+            # Whether a solution is accurate enough is found out exactly.
+            warnings.simplefilter("ignore")
+            solved = _solve([inverse @ a @ basis for a in numbers], edges, decay)
         if solved is None:
             continue
         candidates = [inverse.T @ p @ inverse for p in solved]
@@ -107,8 +111,11 @@ def _basis(modes: Sequence[Real], decay: float) -> Real:
     for a in modes:
         own = scipy.linalg.solve_discrete_lyapunov(a.T / np.sqrt(decay), np.eye(n))
         total += own / np.trace(own)
-    factor = np.linalg.cholesky((total + total.T) / 2.0 + 1e-12 * np.eye(n))
-    return np.asarray(np.linalg.inv(factor.T), dtype=np.float64)
+    try:
+        factor = np.linalg.cholesky((total + total.T) / 2.0 + 1e-12 * np.eye(n))
+        return np.asarray(np.linalg.inv(factor.T), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.eye(n)
 
 
 def _solve(modes: Sequence[Real], edges: Sequence[Edge], decay: float) -> list[Real] | None:

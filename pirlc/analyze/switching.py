@@ -31,6 +31,8 @@ from pirlc.ir.evidence import Evidence, Kind, unknown
 _LONGEST_CYCLE = 6
 _MOST_CYCLES = 4000
 _MOST_PIECES = 16
+_MOST_UNKNOWN = 64
+"""Rows of all unknown matrices together; more take minutes."""
 _KINDS = (
     "one quadratic function for all modes",
     "a quadratic function for each mode",
@@ -134,6 +136,9 @@ def decide(
         tried.append(f"cycles of up to {_LONGEST_CYCLE} steps: none diverges")
     for length, what in enumerate(_KINDS):
         count = len(modes) ** length
+        if count * len(states) > _MOST_UNKNOWN:
+            tried.append(f"{what}: too many states ({len(states)}) for a linear matrix inequality")
+            break
         if length and (len(modes) == 1 or count > _MOST_PIECES):
             break
         found = lyapunov(modes, length)

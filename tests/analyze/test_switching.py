@@ -196,6 +196,17 @@ def test_what_cannot_be_decided_is_unknown() -> None:
     ]
 
 
+def test_loops_of_many_states_are_left_undecided() -> None:
+    numbers = 0.5 * np.eye(70)
+    numbers[0, 1] = 0.1
+    modes = [rational(numbers.tolist()), rational(numbers.T.tolist())]
+    finding = decide(("one", "two"), [f"x{i}" for i in range(70)], modes)
+    assert finding.evidence.kind is Kind.UNKNOWN
+    assert finding.tried[-1] == (
+        "one quadratic function for all modes: too many states (70) for a linear matrix inequality"
+    )
+
+
 def test_words_follow_each_other() -> None:
     assert words_of(2, 0) == ((),)
     assert [(e.mode, e.here, e.there) for e in edges_of(words_of(2, 0), 2)] == [
