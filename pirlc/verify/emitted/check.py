@@ -18,7 +18,7 @@ from pirlc.verify.emitted.graph import Graph
 from pirlc.verify.emitted.machine import Machine
 from pirlc.verify.emitted.meaning import Meaning, StateNodes
 from pirlc.verify.emitted.memory import Array, Memory
-from pirlc.verify.emitted.nodes import LimitReached, Node, NotUnderstood, describe
+from pirlc.verify.emitted.nodes import LimitReached, Node, NotUnderstood
 from pirlc.verify.emitted.preprocess import guard_faults, preprocessed
 from pirlc.verify.emitted.relation import (
     INPUT,
@@ -30,6 +30,7 @@ from pirlc.verify.emitted.relation import (
     check_struct,
 )
 from pirlc.verify.emitted.syntax import CType, Unit, read
+from pirlc.verify.emitted.telling import apart
 from pirlc.verify.findings import Difference, EmittedFinding
 
 _LIMIT = "limit reached: the program is too large to compare"
@@ -228,7 +229,9 @@ class Comparison:
     def _same(self, part: str, emitted: Node | Array, program: Node) -> None:
         assert not isinstance(emitted, Array)
         if emitted is not program:
-            self.differences.append(Difference(part, describe(emitted), describe(program)))
+            where, one, other = apart(emitted, program)
+            one = f"{one} (where {where})" if where else one
+            self.differences.append(Difference(part, one, other))
 
 
 def defaults(graph: Graph, loaded: Loaded) -> Memory:

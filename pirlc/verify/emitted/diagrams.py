@@ -152,8 +152,8 @@ class Diagrams:
                     atom = side.atom
             known = self.choice(
                 atom,
-                self.choose(_under(condition, atom), _under(high, atom), _under(low, atom)),
-                self.choose(_without(condition, atom), _without(high, atom), _without(low, atom)),
+                self.choose(under(condition, atom), under(high, atom), under(low, atom)),
+                self.choose(without(condition, atom), without(high, atom), without(low, atom)),
             )
             self._chosen[key] = known
         return known
@@ -204,7 +204,7 @@ def _turn(values: tuple[int | None, ...]) -> int | None:
     return first if fits else None
 
 
-def _under(node: Node, atom: Atom) -> Node:
+def under(node: Node, atom: Atom) -> Node:
     """The node where the atom, which is no later than any of its own, holds."""
     if isinstance(node, Choice) and (
         node.atom is atom or (atom.ladder and node.atom.ladder and node.atom.key[0] == atom.key[0])
@@ -213,5 +213,6 @@ def _under(node: Node, atom: Atom) -> Node:
     return node
 
 
-def _without(node: Node, atom: Atom) -> Node:
+def without(node: Node, atom: Atom) -> Node:
+    """The node where the atom, which is no later than any of its own, does not hold."""
     return node.low if isinstance(node, Choice) and node.atom is atom else node

@@ -171,12 +171,13 @@ def _text(node: Node, depth: int) -> str:
             return "a variable that was never set"
         case Choice(_, atom, high, low):
             return (
-                f"({_atom_text(atom, depth - 1)} ? {_text(high, depth - 1)}"
+                f"({atom_text(atom, depth - 1)} ? {_text(high, depth - 1)}"
                 f" : {_text(low, depth - 1)})"
             )
 
 
-def _atom_text(atom: Atom, depth: int) -> str:
+def atom_text(atom: Atom, depth: int) -> str:
+    """The condition in words, terms in it cut off below `depth`."""
     if not atom.subjects:
         return atom.name
     inside = [_text(x, depth) for x in atom.subjects]

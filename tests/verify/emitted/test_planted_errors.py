@@ -556,7 +556,7 @@ def test_nothing_wrong_is_written(monkeypatch):
 
 EXPECTED = r"""error\[E0915\]: the C emitted for short \(double\) is not shown to be the program
   = note: action v, step \d+ after reset at x [-0-9.e]+: C has 0\.\d+, the program 0\.1
-  = note: action v: C has \(.*, the program \(.*
+  = note: action v: C has .*\(where .*\), the program .*
   = help: this is a fault of pirlc, not of your file: please report it with the program; """ + (
     "nothing was written"
 )
