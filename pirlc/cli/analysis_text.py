@@ -126,9 +126,12 @@ def _loop(loop: LoopFinding | None, found: Analysis) -> Iterator[str]:
             "checked", f"{len(loop.checks)} figures, each in two ways: they differ by {worst:.1g}"
         )
     if loop.step is not None:
+        clock = "steps" if found.sample_time is None else "s"
         step = loop.step
         settled = (
-            "" if step.settling_time is None else f", settled (2 %) at {step.settling_time:.4g}"
+            ""
+            if step.settling_time is None
+            else f", settled (2 %) at {step.settling_time:.4g} {clock}"
         )
         over = "" if step.overshoot is None else f", overshoot {step.overshoot:.3g} %"
         final = 0.0 if step.final is None else step.final

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -82,11 +83,12 @@ def command(
     source, sketch = read_sketch(session, program, arguments)
     closed = program_in(source, sketch)
     at = parse_points(points, closed)
-    around = _plant(session, closed, plant, operating_point, trust)
+    around, notes = _plant(closed, plant, operating_point, trust)
     found = analyze(
         closed, around, at=at, latency=latency,
         simulator=closed.interface.environment if simulate else None, trust=trust,
     )  # fmt: skip
+    found = replace(found, notes=(*found.notes, *notes))
     session.say(in_words(found))
     data = as_data(found)
     written: list[str] = []
@@ -127,20 +129,20 @@ def parse_points(entries: tuple[str, ...], program: Program) -> dict[str, float]
 
 
 def _plant(
-    session: Session, program: Program, wanted: str, operating_point: str | None, trust: bool
-) -> Plant | None:
-    """The plant that the command line asks for. Raises PirlcError where it cannot be had; `auto`
-    then says why, and does without."""
+    program: Program, wanted: str, operating_point: str | None, trust: bool
+) -> tuple[Plant | None, tuple[str, ...]]:
+    """The plant that the command line asks for. Raises PirlcError where it cannot be had; for
+    `auto` there is none then, and notes say why."""
     from pirlc.diagnostics import PirlcError
 
     environment = program.interface.environment
     if wanted == "none" or (wanted == "auto" and environment is None):
-        return None
+        return None, ()
     if wanted not in ("auto", *_FOUND):
         from pirlc.analyze.plant_file import read_plant
         from pirlc.cli.files import read_source
 
-        return read_plant(read_source(wanted), program)
+        return read_plant(read_source(wanted), program), ()
     if environment is None:
         from pirlc.analyze.problems import NowhereToLook, error
 
@@ -152,10 +154,9 @@ def _plant(
         zip(_FOUND, (Origin.EQUATIONS, Origin.SIMULATOR, Origin.IDENTIFIED), strict=True)
     )
     try:
-        return find_plant(program, environment, origins.get(wanted), operating_point, trust=trust)
+        found = find_plant(program, environment, origins.get(wanted), operating_point, trust=trust)
     except PirlcError as e:
         if wanted != "auto" or operating_point is not None:
             raise
-        for diagnostic in e.diagnostics:
-            session.note(f"no plant: {diagnostic.message}")
-        return None
+        return None, tuple(f"no plant: {diagnostic.message}" for diagnostic in e.diagnostics)
+    return found, ()

@@ -113,6 +113,20 @@ def test_refusals(pirlc, here, arguments, message):
     assert outcome.err.startswith(message)
 
 
+def test_a_plant_that_cannot_be_had_is_no_error_unless_asked_for(pirlc, here):
+    text = (here / "pole.pirl").read_text().replace("CartPole-v1", "Nowhere-v1")
+    (here / "lost.pirl").write_text(text)
+    outcome = pirlc("analyze", "lost.pirl", "--json")
+    assert outcome.code == 0
+    assert any(note.startswith("no plant: ") for note in outcome.data["analysis"]["notes"][1:])
+    assert pirlc("analyze", "lost.pirl", "--plant", "simulator").code == 1
+
+
+@pytest.mark.parametrize("code", [f"E092{i}" for i in range(7)])
+def test_each_mistake_is_explained(pirlc, code):
+    assert pirlc("explain", code).out.startswith(f"# {code}: ")
+
+
 def test_a_sketch_is_refused(pirlc):
     assert pirlc("analyze", "sketch.pirl", "--json").codes == ["E0704"]
 
