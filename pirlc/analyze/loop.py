@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -21,6 +22,7 @@ from pirlc.analyze.findings import (
     Leaf,
     LoopFinding,
     Margins,
+    PidForm,
     Plant,
     Pole,
     StepResponse,
@@ -30,6 +32,9 @@ from pirlc.analyze.problems import Disagreement, error
 from pirlc.analyze.realisation import Complex, Real, Realisation, angles, phase_crossings
 from pirlc.analyze.schur import decided
 from pirlc.ir.evidence import Evidence, Kind, unknown
+
+MOST_LOOPS = 24
+"""Different ones: the others of a program with more are left out, and named."""
 
 _SHOWN = 500
 """Samples of a frequency response, about."""
@@ -50,6 +55,7 @@ def loops_of(
     found: list[LoopFinding] = []
     notes: list[str] = []
     parts = parts_of(plant, leaves)
+    known: dict[object, LoopFinding] = {}
     for leaf in leaves:
         why = _unclosed(leaf, plant)
         if why:
@@ -62,8 +68,20 @@ def loops_of(
             for other in together
             if other.action != leaf.action and other.active and not _unclosed(other, around)
         ]
-        found.append(loop_of(leaf, others, around, latency, sample_time))
+        # Leaves that differ in their offsets alone are one loop: the offset moves its rest.
+        law = leaf.action, leaf.filters, leaf.recalls, bool(_setpoint(leaf))
+        if law not in known and len(known) == MOST_LOOPS:
+            notes.append(f"no loop of {leaf.name}: {MOST_LOOPS} loops are looked at")
+            continue
+        if law not in known:
+            known[law] = loop_of(leaf, others, around, latency, sample_time)
+        found.append(replace(known[law], leaf=leaf.name))
     return tuple(found), tuple(notes)
+
+
+def _setpoint(leaf: Leaf) -> PidForm | None:
+    """The PID of the leaf that has a setpoint."""
+    return next((form for form in leaf.pids if form.setpoint is not None), None)
 
 
 def _unclosed(leaf: Leaf, plant: Plant) -> str:
@@ -206,7 +224,7 @@ def step_response(
     """
     import control
 
-    pid = next((form for form in leaf.pids if form.setpoint is not None), None)
+    pid = _setpoint(leaf)
     b = np.array(parts.b, dtype=np.float64)
     inner = np.array(parts.inner, dtype=np.float64)
     row = np.array(parts.row, dtype=np.float64)

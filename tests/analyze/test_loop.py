@@ -245,3 +245,28 @@ def test_random_sampled_plants_under_pids_pass_all_checks():
             assert max(check.difference for check in loop.checks) <= 1e-6
         else:
             assert max(pole.magnitude for pole in loop.poles) > 1.0 - 1e-9
+
+
+def test_leaves_that_differ_in_their_offset_are_one_loop():
+    guards = " + ".join(f"(if peek(Speed, -1) > 0.{i} then {i} else 0)" for i in range(1, 6))
+    text = (
+        "policy p\nsensor Speed : [-1, 1] = 0\n"
+        f"action Gas : [-9, 9] safe 0 = {guards} - peek(Speed, -1)\n"
+    )
+    found = analyze(program_of(text), SPEED)
+    assert len(found.leaves) == len(found.loops) == 32
+    assert len({loop.margins for loop in found.loops}) == 1
+    assert len({loop.leaf for loop in found.loops}) == 32
+
+
+def test_of_many_different_loops_some_are_left_out_and_named():
+    guards = " + ".join(
+        f"(if peek(Speed, -1) > 0.{i} then {2**-i} * peek(Speed, -1) else 0)" for i in range(1, 6)
+    )
+    text = (
+        "policy p\nsensor Speed : [-1, 1] = 0\n"
+        f"action Gas : [-9, 9] safe 0 = {guards} - 2 * peek(Speed, -1)\n"
+    )
+    found = analyze(program_of(text), SPEED)
+    assert (len(found.leaves), len(found.loops)) == (32, 24)
+    assert "no loop of Gas 25: 24 loops are looked at" in found.notes
