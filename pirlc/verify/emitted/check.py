@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
+import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from pirlc.backend.c import CPrinter, c_files
@@ -35,6 +38,7 @@ from pirlc.verify.findings import Difference, EmittedFinding
 
 _LIMIT = "limit reached: the program is too large to compare"
 _WIDE = "where int has 32 bits"
+_DEEPEST = 6_000
 
 
 def check_emitted(program: Program, real: RealType = "double") -> EmittedFinding:
@@ -55,13 +59,40 @@ def _checked(
     program: Program, controller: Controller, header: str, source: str, real: RealType
 ) -> EmittedFinding:
     start = time.perf_counter()
-    comparison = Comparison(program, CPrinter(controller, real), real)
-    evidence = Evidence(EvidenceKind.PROVED)
+    with _deep():
+        return _compared(program, controller, header, source, real, start)
+
+
+@contextmanager
+def _deep() -> Iterator[None]:
+    """Room for nesting: an `else if` of C lies inside the one before."""
+    before = sys.getrecursionlimit()
+    sys.setrecursionlimit(max(before, _DEEPEST))
     try:
-        comparison.run(header, source)
-    except (LimitReached, RecursionError):
-        evidence = unknown(_LIMIT)
-    if comparison.needs_wide_int:
+        yield
+    finally:
+        sys.setrecursionlimit(before)
+
+
+def _compared(
+    program: Program,
+    controller: Controller,
+    header: str,
+    source: str,
+    real: RealType,
+    start: float,
+) -> EmittedFinding:
+    # Most programs are small in either order of their conditions, some in one alone.
+    for older_first in (False, True):
+        graph = Graph(older_first=older_first)
+        comparison = Comparison(program, CPrinter(controller, real), real, graph)
+        evidence = Evidence(EvidenceKind.PROVED)
+        try:
+            comparison.run(header, source)
+            break
+        except (LimitReached, RecursionError):
+            evidence = unknown(_LIMIT)
+    if comparison.needs_wide_int and evidence.kind is EvidenceKind.PROVED:
         evidence = Evidence(evidence.kind, _WIDE)
     differences = tuple(comparison.differences)
     if differences:
@@ -136,9 +167,9 @@ def load(header: str, source: str, printer: CPrinter, real: RealType) -> Loaded:
 class Comparison:
     """One comparison: what was compared, and what differs."""
 
-    def __init__(self, program: Program, printer: CPrinter, real: RealType) -> None:
+    def __init__(self, program: Program, printer: CPrinter, real: RealType, graph: Graph) -> None:
         self.printer, self.real = printer, real
-        self.meaning = Meaning(Graph(), program, PRECISIONS[real])
+        self.meaning = Meaning(graph, program, PRECISIONS[real])
         self.compared: list[str] = []
         self.differences: list[Difference] = []
         self.needs_wide_int = False

@@ -22,7 +22,7 @@ from pirlc.verify.emitted.nodes import (
     describe,
 )
 
-MOST_NODES = 600_000
+MOST_NODES = 250_000
 """More nodes than this and the proof is given up: the limit is a count, so that it is the same on
 every machine."""
 
@@ -38,16 +38,17 @@ class _Group:
 
     def rung(self, place: float) -> Atom:
         if place not in self.atoms:
-            self.atoms[place] = Atom((-self.number, 1, place), True, self.subjects)
+            self.atoms[place] = Atom((self.number, 1, place), True, self.subjects)
         return self.atoms[place]
 
 
 @dataclass
 class Diagrams:
     """Makes nodes, each once. With `folding`, operations on constants are computed: what is built
-    from constants alone is then a constant."""
+    from constants alone is then a constant. `older_first`: the order of the groups of atoms."""
 
     folding: bool = False
+    older_first: bool = False
     _nodes: dict[object, Node] = field(default_factory=dict)
     _groups: dict[object, _Group] = field(default_factory=dict)
     _chosen: dict[tuple[Node, Node, Node], Node] = field(default_factory=dict)
@@ -57,6 +58,11 @@ class Diagrams:
         self.false = self.integer(0)
         self.true = self.integer(1)
         self.unset: Node = self.made("unset", lambda n: Unset(n))
+
+    @property
+    def size(self) -> int:
+        """The number of nodes made so far."""
+        return len(self._nodes)
 
     def made(self, key: object, make: Callable[[int], Node]) -> Node:
         node = self._nodes.get(key)
@@ -100,7 +106,7 @@ class Diagrams:
         """A truth value that may be either."""
         group = self.group(("free", name), ())
         if group.nan is None:
-            group.nan = Atom((-group.number, 0, 0.0), False, (), name)
+            group.nan = Atom((group.number, 0, 0.0), False, (), name)
         return self.choice(group.nan, self.true, self.false)
 
     # Decision diagrams
@@ -108,7 +114,9 @@ class Diagrams:
     def group(self, key: object, subjects: tuple[Node, ...]) -> _Group:
         group = self._groups.get(key)
         if group is None:
-            group = self._groups[key] = _Group(len(self._groups), subjects)
+            number = len(self._groups)
+            number = number if self.older_first else -number
+            group = self._groups[key] = _Group(number, subjects)
         return group
 
     def choice(self, atom: Atom, high: Node, low: Node) -> Node:

@@ -12,7 +12,8 @@ side, smallest first, and imply each other upwards; where one holds, the next ar
 `low <= x and x <= high` implies `x is finite` without being told. Two numbers' order is one such
 group of two atoms: `a < b`, `a <= b`.
 
-Younger groups are asked first: a fold over `if`s is then a list, not a tree.
+Younger groups are asked first, or older ones: for a fold over `if`s the first is better, for a long
+chain of `else if`s the second.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ class Graph(Diagrams):
             return self.mapped("nan", self.is_nan, x)
         group = self.group(("number", x), (x,))
         if group.nan is None:
-            group.nan = Atom((-group.number, 0, 0.0), False, (x,))
+            group.nan = Atom((group.number, 0, 0.0), False, (x,))
         return self.choice(group.nan, self.true, self.false)
 
     def is_finite(self, x: Node) -> Node:

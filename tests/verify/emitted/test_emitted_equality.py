@@ -18,6 +18,7 @@ from pirlc.resources import explanations
 from pirlc.semantics.interpreter import initial_state, step
 from pirlc.source import SourceText
 from pirlc.verify.emitted import check_emitted, check_text
+from pirlc.verify.emitted.check import Comparison
 from pirlc.verify.emitted.example import example_of
 from pirlc.verify.emitted.graph import Graph
 from pirlc.verify.emitted.meaning import Meaning
@@ -219,6 +220,25 @@ def test_a_program_too_large_is_unknown(monkeypatch):
     finding = check_emitted(program)
     assert str(finding.evidence) == "unknown (limit reached: the program is too large to compare)"
     assert finding.differences == ()
+
+
+def test_long_chains_take_the_other_order():
+    body = "0"
+    for i in range(60):
+        body = f"if peek(x, -1) > {i} / 60 then {i} else {body}"
+    text = f"policy chain\nsensor x : [-1, 1] = 0\naction u : [-1, 1] safe 0 = {body}\n"
+    program = _program(text)
+    assert program is not None
+    header, source = _texts(program)
+    printer = CPrinter(lower(program), "double")
+    nodes = []
+    for older_first in (False, True):
+        graph = Graph(older_first=older_first)
+        comparison = Comparison(program, printer, "double", graph)
+        comparison.run(header, source)
+        assert comparison.differences == []
+        nodes.append(graph.size)
+    assert nodes[1] * 20 < nodes[0]
 
 
 def test_every_code_has_a_page():

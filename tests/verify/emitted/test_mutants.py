@@ -23,6 +23,7 @@ from pirlc.semantics.interpreter import initial_state, step
 from pirlc.semantics.precision import BINARY64
 from pirlc.source import SourceText
 from pirlc.verify.emitted.check import Comparison
+from pirlc.verify.emitted.graph import Graph
 from pirlc.verify.findings import Difference
 from tests.support.observations import random_observations
 
@@ -88,7 +89,7 @@ def mutants(source: str, rng: random.Random) -> list[str]:
 
 def _differences(program: Program, header: str, source: str) -> list[Difference]:
     """What `check_text` would tell, without its search for a run."""
-    comparison = Comparison(program, CPrinter(lower(program), "double"), "double")
+    comparison = Comparison(program, CPrinter(lower(program), "double"), "double", Graph())
     comparison.run(header, source)
     return comparison.differences
 
