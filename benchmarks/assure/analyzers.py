@@ -48,9 +48,7 @@ def clang_tidy(subject: Subject, work: Path) -> Outcome:
         path, row, column, message, rules = found.groups()
         text = Path(path).read_text(encoding="utf-8").splitlines()[int(row) - 1]
         rule = rules.split(",")[0]
-        deviation = allowed(
-            "clang-tidy", Report(rule, text, int(column), message), subject.is_example
-        )
+        deviation = allowed("clang-tidy", Report(rule, text, int(column)), subject.is_example)
         if deviation is None:
             findings.append(f"{Path(path).name}:{row}: {message} [{rules}]\n    {text.strip()}")
         else:

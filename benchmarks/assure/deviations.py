@@ -13,12 +13,15 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Report:
-    """What a tool says about a place: `line` is the text there, `column` counts from 1."""
+    """What a tool says about a place: `line` is the text there, `column` counts from 1.
+
+    `statement` is the text from there to the next semicolon.
+    """
 
     rule: str
     line: str
     column: int
-    message: str
+    statement: str = ""
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,8 @@ def _of_clipping(report: Report) -> bool:
     return "} else if (" in report.line
 
 
+_CHOSEN_NUMBER = re.compile(r"\?\s-?\d+L*\s:\s-?\d+L*\s*;")
+
 _ODD = "the random program says so, and the C keeps to its text"
 
 DEVIATIONS = (
@@ -69,7 +74,7 @@ DEVIATIONS = (
         "a composite expression assigned to a wider type",
         "`condition ? 2 : 0` for a discrete action: both numbers are constants of type `int`, and "
         "so is the action; the add-on takes them for 8 bits wide",
-        where=lambda report: "?" in report.line,
+        where=lambda report: bool(_CHOSEN_NUMBER.search(report.statement)),
     ),
     Deviation(
         "cppcheck MISRA",
@@ -92,6 +97,7 @@ DEVIATIONS = (
             ("duplicateExpression", "an expression compared with, or taken from, itself"),
             ("duplicateExpressionTernary", "both sides of a choice are alike"),
             ("duplicateValueTernary", "both sides of a choice have one value"),
+            ("oppositeExpression", "an expression compared with its negative"),
             ("duplicateBranch", "both sides of an `if` are alike"),
             ("knownConditionTrueFalse", "a condition that is always true or false"),
             ("redundantCondition", "a condition that another one implies"),

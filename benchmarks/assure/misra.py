@@ -47,10 +47,10 @@ def check(subject: Subject, work: Path) -> Outcome:
                 findings.append(line)
             continue
         path, row, column, severity, rule, message = parts
-        text = _line(Path(path), int(row))
+        text, statement = _place(Path(path), int(row))
         tool = "cppcheck MISRA" if rule.startswith(_PREFIX) else "cppcheck"
         rule = rule.removeprefix(_PREFIX)
-        report = Report(rule, text, int(column), message)
+        report = Report(rule, text, int(column), statement)
         if allowed(tool, report, subject.is_example):
             accepted[f"{tool} {rule}"] += 1
         else:
@@ -61,7 +61,9 @@ def check(subject: Subject, work: Path) -> Outcome:
     return Outcome(tuple(findings), accepted)
 
 
-def _line(path: Path, row: int) -> str:
+def _place(path: Path, row: int) -> tuple[str, str]:
+    """The line, and the text from it to the next semicolon."""
     if not path.is_file() or row < 1:
-        return ""
-    return path.read_text(encoding="utf-8").splitlines()[row - 1]
+        return "", ""
+    lines = path.read_text(encoding="utf-8").splitlines()[row - 1 :]
+    return lines[0], "\n".join(lines).partition(";")[0] + ";"
