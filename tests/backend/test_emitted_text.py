@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from dataclasses import replace
 from hashlib import sha256
@@ -12,8 +13,10 @@ import pirlc
 from pirlc.backend.c import discrete_type
 from pirlc.backend.emit import emit, emit_to
 from pirlc.backend.text import WIDTH, wrapped_c, wrapped_python
+from pirlc.backend.toolchain import FLAGS, WARNINGS, bridge_text
 from pirlc.ir.policy import Hold
 from pirlc.ir.printer import program_text
+from pirlc.lower import lower
 from tests.backend.helpers import COMPILERS, NAMES, compiled, load_program, program_of
 
 needs_gcc = pytest.mark.skipif("gcc" not in COMPILERS, reason="no gcc on this machine")
@@ -90,6 +93,9 @@ def test_what_there_is_none_of_has_a_placeholder():
     assert "State: 1 bytes" in header
     assert "s->unused = 0u;" in source
     assert "PARAMS = {\n}" in python
+    assert (
+        "SENSORS = {  # and the component of the observation that each of them reads\n}" in python
+    )
     assert "self._params" not in python
 
 
@@ -159,6 +165,7 @@ def test_python_tells_what_it_was_made_from():
         for line in text.splitlines():
             assert f"#     {line}".rstrip() in head.splitlines()
         assert f"computes in {precision}." in python
+        assert ("import ctypes" in python) == (real == "float")
     assert "Returns a tuple, by the environment's components." in python
     single = texts(load_program("cartpole"))[2]
     assert "missing reading. Returns an int.\n" in single
@@ -178,6 +185,62 @@ def test_the_header_may_be_included_twice(tmp_path):
         '#include "told.h"\n#include "told.h"\nint main(void){return 0;}'
     )
     subprocess.run(["gcc", "-std=c99", "-fsyntax-only", "use.c"], cwd=tmp_path, check=True)
+
+
+USE = """\
+#include <stdio.h>
+#include "told.h"
+int main(void)
+{
+    told_params p = told_default_params;
+    told_state s;
+    told_observation in = {4.0, 0.5, 0.25, 2.0};
+    told_action out;
+    unsigned status;
+    told_reset(&s);
+    p.j = -7.0;
+    status = told_step(&p, &s, &in, &out);
+    printf("%u %g %ld", status == told_OUT_OF_RANGE, (double)out.u, out.v);
+    return 0;
+}
+"""
+
+
+@needs_gcc
+def test_the_header_is_all_that_a_caller_needs(tmp_path):
+    emit_to(program_of(TOLD), tmp_path, ["c"])
+    (tmp_path / "use.c").write_text(USE)
+    command = ["gcc", *FLAGS, *WARNINGS, "-o", "use", "use.c", "told.c"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    answer = subprocess.run([tmp_path / "use"], capture_output=True, text=True, check=True).stdout
+    # 2 * 4 + 12 * 0.25 - 7, clipped.
+    assert answer == "1 1 3"
+
+
+@needs_gcc
+def test_windows_exports_what_is_called_from_outside(tmp_path):
+    controller = lower(program_of(TOLD))
+    (tmp_path / "bridge.c").write_text(bridge_text(controller, "told").replace("#include", "//"))
+    command = ["gcc", "-E", "-P", "-D_WIN32", "bridge.c"]
+    found = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    exported = re.findall(r"^__declspec\(dllexport\) .*?(bridge_\w+)\(", found, re.MULTILINE)
+    kinds = ["state_size", "default_params", "reset", "flags", "step"]
+    assert exported == [f"bridge_{kind}" for kind in kinds]
+
+
+@needs_gcc
+@pytest.mark.parametrize(
+    ("real", "words"),
+    [
+        ("double", "double must be IEEE binary64 (or emit with --real float)"),
+        ("float", "float must be IEEE binary32"),
+    ],
+)
+def test_a_foreign_format_is_refused_with_what_is_needed(real, words, tmp_path):
+    emit_to(program_of(TOLD), tmp_path, ["c"], real)
+    command = ["gcc", "-std=c99", "-w", "-D__FLT_RADIX__=16", "-fsyntax-only", "told.c"]
+    found = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert f'#error "told.c: {words}"' in found.stderr
 
 
 @needs_gcc
