@@ -7,7 +7,14 @@ from typing import assert_never
 
 from pirlc.ir.evidence import PROVED, Kind
 from pirlc.source import NOWHERE, SourceText, Span
-from pirlc.verify.findings import ActionBounds, ChoiceBounds, Extreme, GuardRounding, Remark
+from pirlc.verify.findings import (
+    ActionBounds,
+    AsComputed,
+    ChoiceBounds,
+    Extreme,
+    GuardRounding,
+    Remark,
+)
 
 
 def bounds_texts(found: Sequence[ActionBounds | ChoiceBounds]) -> Iterator[str]:
@@ -39,12 +46,28 @@ def _action_rows(found: ActionBounds) -> Iterator[tuple[str, str, str, str]]:
         (f"{name} change in a step", found.applied_change),
     ):
         yield (words, *_extreme(extreme))
-    for precision, off in (("binary64", found.rounding64), ("binary32", found.rounding32)):
-        words = f"raw({name}) off in {precision}"
-        if off is None:
-            yield words, "no bound", "", "its ranges meet an overflow or an undefined operation"
-        else:
-            yield words, f"{off:.2g}", "", "at most, beside guards that it turns" if off else ""
+    for precision, computed, off in (
+        ("binary64", found.binary64, found.rounding64),
+        ("binary32", found.binary32, found.rounding32),
+    ):
+        yield f"raw({name}) in {precision}", "", "", _computed(computed, off)
+
+
+def _computed(found: AsComputed | None, off: float | None) -> str:
+    words = []
+    if found is not None and not (found.raw_lower is None and found.raw_upper is None):
+        words.append(f"{_end(found.raw_lower)} to {_end(found.raw_upper)}")
+        if found.raw_change is not None:
+            words.append(f"changing by at most {found.raw_change!r}")
+    if off:
+        words.append(f"off by at most {off:.2g} beside guards that it turns")
+    elif off is not None:
+        words.append("exact beside guards")
+    return ", ".join(words) or "no bound: its ranges meet an overflow or an undefined operation"
+
+
+def _end(x: float | None) -> str:
+    return "no bound" if x is None else repr(x)
 
 
 def _extreme(found: Extreme) -> tuple[str, str, str]:

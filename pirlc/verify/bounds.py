@@ -21,6 +21,7 @@ from pirlc.semantics.precision import BINARY32, BINARY64
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_terms import Real, Truth
 from pirlc.verify.asking import DEFAULT_LIMITS, Limits
+from pirlc.verify.computed import as_computed
 from pirlc.verify.deciding import LARGEST, cost
 from pirlc.verify.enclosure import Enclosure, IntervalStep, enclose, needed
 from pirlc.verify.exact import NotRational, exact_steps
@@ -134,6 +135,8 @@ def _continuous(program: Program, spec: ActionSpec, limits: Limits) -> ActionBou
         applied_change=asked.change(applied=True),
         rounding64=off[BINARY64],
         rounding32=off[BINARY32],
+        binary64=as_computed(part, spec, BINARY64, limits),
+        binary32=as_computed(part, spec, BINARY32, limits),
     )
 
 

@@ -65,7 +65,7 @@ def supremum(
     """
     solver = limited(model, limits)
     solver.add(*(exact.as_term(w, model.context) for w in where))
-    value, evidence = _value(model, solver, term, where, limits)
+    value, evidence = greatest(model, solver, term, where, limits)
     if value is None:
         return Supremum(None, False, evidence, None)
     attained, reached = _reached(solver, term, value)
@@ -77,7 +77,7 @@ def supremum(
     return Supremum(value, attained, PROVED, trial)
 
 
-def _value(
+def greatest(
     model: Model, solver: z3.Solver, term: Real, where: Sequence[Truth], limits: Limits
 ) -> tuple[Fraction | None, Evidence]:
     """The supremum, which nothing exceeds; or None, and why."""

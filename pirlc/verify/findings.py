@@ -92,10 +92,22 @@ class PropertyFinding:
 
 
 @dataclass(frozen=True)
+class AsComputed:
+    """Sound bounds, not the tightest, of what a precision computes, on all histories: the raw
+    result, its change in one step, and that of what is applied. None: none was found."""
+
+    raw_lower: float | None
+    raw_upper: float | None
+    raw_change: float | None
+    applied_change: float | None
+
+
+@dataclass(frozen=True)
 class ActionBounds:
     """Of one continuous action: its range before and after clipping, and the most that it changes
     in one step. `rounding64` and `rounding32` bound the distance of what runs from real arithmetic
-    (None: no finite bound found), on histories where no guard's sign is in doubt."""
+    (None: no finite bound found), on histories where no guard's sign is in doubt; `binary64` and
+    `binary32` bound it on all of them."""
 
     action: str
     raw_lower: Extreme
@@ -106,6 +118,8 @@ class ActionBounds:
     applied_change: Extreme
     rounding64: float | None
     rounding32: float | None
+    binary64: AsComputed | None = None
+    binary32: AsComputed | None = None
 
 
 @dataclass(frozen=True)

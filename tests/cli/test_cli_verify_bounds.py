@@ -33,7 +33,8 @@ def test_a_table_of_bounds(pirlc, here):
     assert re.search(r" 2 +attained$", rows["A most"])
     assert "unknown" in rows["raw(A) most"]
     assert "a division by zero" in rows["raw(A) most"]
-    assert "no bound" in rows["raw(A) off in binary64"]
+    assert "no bound" in rows["raw(A) in binary64"]
+    assert "exact beside guards" in rows["raw(B) in binary32"]
     assert re.search(r" 0, 1 +never 2$", rows["C"])
     assert "; elsewhere it is 0.5" in rows["raw(A) least"]
 

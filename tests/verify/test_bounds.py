@@ -16,12 +16,13 @@ from pirlc.ir.evidence import Kind
 from pirlc.ir.expansion import close
 from pirlc.ir.operators import Operator
 from pirlc.ir.policy import Choice, Continuous, Program
-from pirlc.semantics.precision import widened
+from pirlc.semantics.precision import BINARY64, Precision, widened
 from pirlc.source import SourceText
 from pirlc.verify.asking import Limits
 from pirlc.verify.bounds import bounds
 from pirlc.verify.exact import exact_steps
 from pirlc.verify.findings import ActionBounds, ChoiceBounds, Extreme
+from pirlc.verify.replay import Trial, run
 from tests.support.programs import Kinds, random_program
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -170,6 +171,48 @@ def test_clipped() -> None:
     assert found.rounding64 is not None
     assert found.rounding32 is not None
     assert found.rounding64 < found.rounding32 < 1e-6
+
+
+@pytest.mark.parametrize("precision", Precision)
+def test_bounds_of_what_runs(precision: Precision) -> None:
+    """Guards that rounding turns, and rounding, stay inside; they are hardly wider than the
+    bounds over the reals."""
+    body = (
+        "if 0.1 * peek(x, -1) + 0.2 * peek(x, -2) < 0.3 * peek(y, -1) then peek(x, -1) / 3 else 2"
+    )
+    program = small(body)
+    found = of(program)
+    computed = found.binary64 if precision is BINARY64 else found.binary32
+    assert computed is not None
+    assert computed.raw_lower is not None
+    assert computed.raw_upper is not None
+    assert computed.raw_change is not None
+    assert computed.applied_change is not None
+    assert found.raw_lower.value is not None
+    assert found.raw_change.value is not None
+    off = 2.0**-50 if precision is BINARY64 else 2.0**-22
+    assert abs(found.raw_lower.value - Fraction(computed.raw_lower)) <= off
+    assert abs(found.raw_change.value - Fraction(computed.raw_change)) <= off
+    rng = random.Random(9)
+    for readings, previous in some_histories(program, 2, rng, 300):
+        if rng.random() < 0.5:
+            # On the guard's boundary, nearly.
+            readings["y"] = [abs(x) for x in readings["x"]]
+            readings["x"][:-1] = readings["x"][1:]
+        given = {s: tuple(map(precision.round, taken)) for s, taken in readings.items()}
+        steps = run(program, Trial(given, previous), precision)
+        raw = [step.raw["A"] for step in steps]
+        assert all(computed.raw_lower <= value <= computed.raw_upper for value in raw)
+        assert abs(Fraction(raw[1]) - Fraction(raw[0])) <= computed.raw_change
+
+
+def test_nonlinear_actions_run_in_the_range_of_floats() -> None:
+    found = of(small("exp(peek(x, -1))"))
+    assert found.binary64 is not None
+    assert found.binary64.raw_upper is None
+    found = of(small("peek(x, -1) * peek(y, -1)"))
+    assert found.binary64 is not None
+    assert (found.binary64.raw_lower, found.binary64.raw_upper) == (-2.0, 2.0)
 
 
 def test_ranges_are_widened_to_binary32() -> None:
