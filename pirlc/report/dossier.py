@@ -73,18 +73,18 @@ def write_dossier(
 def analysis_in(program: Program, environment: Environment, *, trust: bool = False) -> Analysis:
     """The analysis with the plant that can be had from the environment.
 
-    Without one the program is analysed alone, and the notes say why. Raises PirlcError E0921 where
-    two ways to a margin disagree.
+    Without one, or where two ways to one of its margins disagree (E0921), the program is analysed
+    alone, and the notes say why.
     """
     from pirlc.analyze.analysis import analyze
     from pirlc.analyze.plants.find import find_plant
 
     try:
         plant = find_plant(program, environment, trust=trust)
+        return analyze(program, plant, simulator=environment, trust=trust)
     except PirlcError as error:
         alone = analyze(program)
         return replace(alone, notes=(*alone.notes, *map(_in_words, error.diagnostics)))
-    return analyze(program, plant, simulator=environment, trust=trust)
 
 
 def _in_words(diagnostic: Diagnostic) -> str:

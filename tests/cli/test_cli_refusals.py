@@ -144,9 +144,10 @@ def test_a_name_that_was_nearly_right(pirlc):
     assert "= help: did you mean pole.pirl?" in pirlc("check", "poel.pirl").err
 
 
-def test_a_folder_with_one_sketch(pirlc):
-    folder = ROOT / "examples" / "acrobot"
-    assert f"did you mean {folder / 'acrobot.pirl'}?" in pirlc("check", folder).err
+def test_a_folder_with_one_sketch(pirlc, here):
+    (here / "folder").mkdir()
+    (here / "folder" / "only.pirl").write_text(POLE)
+    assert "did you mean folder/only.pirl?" in pirlc("check", "folder").err
 
 
 def test_files_that_are_too_large_or_odd(pirlc, here):
