@@ -25,14 +25,11 @@ from pirlc.analyze.closed_loop import (
 )
 from pirlc.analyze.exact import Rational
 from pirlc.analyze.findings import Leaf, Plant, SwitchingFinding
-from pirlc.analyze.lyapunov import Lyapunov, lyapunov, radius
+from pirlc.analyze.lyapunov import MOST_ROWS, Lyapunov, lyapunov, radius
 from pirlc.ir.evidence import Evidence, Kind, unknown
 
 _LONGEST_CYCLE = 6
 _MOST_CYCLES = 4000
-_MOST_PIECES = 16
-_MOST_UNKNOWN = 64
-"""Rows of all unknown matrices together; more take minutes."""
 _KINDS = (
     "one quadratic function for all modes",
     "a quadratic function for each mode",
@@ -135,18 +132,16 @@ def decide(
     if len(modes) > 1:
         tried.append(f"cycles of up to {_LONGEST_CYCLE} steps: none diverges")
     for length, what in enumerate(_KINDS):
-        count = len(modes) ** length
-        if count * len(states) > _MOST_UNKNOWN:
-            tried.append(f"{what}: too many states ({len(states)}) for a linear matrix inequality")
-            break
-        if length and (len(modes) == 1 or count > _MOST_PIECES):
+        rows = len(modes) ** length * len(states)
+        if length and (len(modes) == 1 or rows > MOST_ROWS):
             break
         found = lyapunov(modes, length)
         if found is not None:
             tried.append(f"{what}: found, confirmed in exact rationals")
             holds = "stable in any order of the modes; saturation left out"
             return finding(Evidence(Kind.LINEARISED, holds), found)
-        tried.append(f"{what} (LMI): none found")
+        by = "too many states for an LMI" if rows > MOST_ROWS else "LMI"
+        tried.append(f"{what} ({by}): none found")
     return finding(unknown("no Lyapunov function was found, and no order of the modes diverges"))
 
 

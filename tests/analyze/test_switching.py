@@ -196,14 +196,25 @@ def test_what_cannot_be_decided_is_unknown() -> None:
     ]
 
 
-def test_loops_of_many_states_are_left_undecided() -> None:
+def test_modes_of_many_states() -> None:
     numbers = 0.5 * np.eye(70)
     numbers[0, 1] = 0.1
-    modes = [rational(numbers.tolist()), rational(numbers.T.tolist())]
-    finding = decide(("one", "two"), [f"x{i}" for i in range(70)], modes)
+    alike = [rational(numbers.tolist()), rational(numbers.T.tolist())]
+    finding = decide(("one", "two"), [f"x{i}" for i in range(70)], alike)
+    assert finding.evidence.kind is Kind.LINEARISED
+    numbers[0, 1] = 1.2
+    apart = [rational(numbers.tolist()), rational(numbers.T.tolist())]
+    finding = decide(("one", "two"), [f"x{i}" for i in range(70)], apart)
+    assert finding.evidence.kind is Kind.REFUTED
+    hard = []
+    for mode in pair(10.0, 0.02):
+        numbers = 0.5 * np.eye(70)
+        numbers[:2, :2] = [[float(v) for v in row] for row in mode]
+        hard.append(rational(numbers.tolist()))
+    finding = decide(("one", "two"), [f"x{i}" for i in range(70)], hard)
     assert finding.evidence.kind is Kind.UNKNOWN
     assert finding.tried[-1] == (
-        "one quadratic function for all modes: too many states (70) for a linear matrix inequality"
+        "one quadratic function for all modes (too many states for an LMI): none found"
     )
 
 
