@@ -6,6 +6,7 @@ import itertools
 import random
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -370,16 +371,25 @@ def check_against_sampling(program: Program, rng: random.Random, count: int) -> 
     return proved
 
 
-def test_random_linear_programs_against_sampling() -> None:
-    rng = random.Random(5)
+def check_random_linear_programs(seed: int, count: int) -> int:
+    rng = random.Random(seed)
     proved = asked = 0
-    while asked < 40:
-        program = random_program(rng, LINEAR)
+    while asked < count:
+        program = random_program(rng, replace(LINEAR, depth=3 + asked % 3))
         if program.size > 80:
             continue
         asked += 1
-        proved += check_against_sampling(program, rng, 40)
-    assert proved > 150
+        proved += check_against_sampling(program, rng, 30)
+    return proved
+
+
+def test_random_linear_programs_against_sampling() -> None:
+    assert check_random_linear_programs(5, 20) > 80
+
+
+@pytest.mark.slow
+def test_many_random_linear_programs_against_sampling() -> None:
+    assert check_random_linear_programs(6, 300) > 1200
 
 
 def test_affine_programs_against_all_vertices() -> None:

@@ -148,17 +148,31 @@ def check_sound(program: Program, precision: Precision, rng: random.Random, coun
     return compared
 
 
-@pytest.mark.parametrize("precision", Precision)
-def test_no_random_program_exceeds_its_bound(precision: Precision) -> None:
-    rng = random.Random(41)
+def check_random_programs(precision: Precision, seed: int, count: int) -> tuple[int, int]:
+    """How many values were compared, and of how many programs."""
+    rng = random.Random(seed)
     compared = bounded = 0
-    for i in range(250):
+    for i in range(count):
         program = random_program(rng, replace(RATIONAL, depth=2 + i % 4, odd_numbers=i % 3 == 0))
         found = check_sound(program, precision, rng, 12)
         compared += found
         bounded += found > 0
+    return compared, bounded
+
+
+@pytest.mark.parametrize("precision", Precision)
+def test_no_random_program_exceeds_its_bound(precision: Precision) -> None:
+    compared, bounded = check_random_programs(precision, 41, 250)
     assert compared > 2500
     assert bounded > 100
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("precision", Precision)
+def test_no_program_of_many_exceeds_its_bound(precision: Precision) -> None:
+    compared, bounded = check_random_programs(precision, 42, 4000)
+    assert compared > 40_000
+    assert bounded > 1600
 
 
 REALS = {
