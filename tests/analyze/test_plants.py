@@ -24,6 +24,8 @@ from pirlc.simulation.environments import make
 from tests.support.plants import PENDULUM, SPRING, Spring, program, register_spring
 from tests.support.refusals import refused
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*already returned terminated.*")
+
 SINGLE = 1e-7
 """What binary32 states and observations of order 1 are good for."""
 
