@@ -12,6 +12,7 @@ from benchmarks.assure import analyzers, compilers, misra, sanitizers, targets, 
 from benchmarks.assure.deviations import DEVIATIONS, Report, allowed
 from benchmarks.assure.driving import CORTEX_M4F, S390X
 from benchmarks.assure.subjects import Subject, emitted
+from pirlc.backend.toolchain import FLAGS
 from tests.backend.helpers import program_of
 
 TEXT = """
@@ -156,6 +157,15 @@ def test_a_dependence_on_the_order_of_bytes(subject, work, monkeypatch):
     (found,) = targets.check(subject, work, (S390X,)).findings
     assert found.startswith("s390x: ")
     assert "steps differ" in found
+
+
+@needs(tools.S390X_GCC)
+def test_where_float_is_computed_in_double_the_c_is_refused(subject, work):
+    command = [tools.S390X_GCC.command, *FLAGS, "-c", subject.source, "-o", work / "o"]
+    refused = tools.run(command)
+    assert refused.returncode != 0
+    assert "s390x: -fexcess-precision=fast" in refused.stderr
+    assert tools.run([*command, "-fexcess-precision=fast"]).returncode == 0
 
 
 @needs(tools.GCC, *CORTEX_M4F.tools)
