@@ -95,6 +95,10 @@ class Leaf:
 
 # Plants
 
+WEAK = 50.0
+"""Percent: an identified model that explains less of a reading's variation in free runs says little
+about the plant itself."""
+
 
 class Origin(Enum):
     EQUATIONS = "linearised equations"

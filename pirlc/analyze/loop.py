@@ -7,7 +7,7 @@ is taken at the operating point; an action without a linear law there is held.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -17,6 +17,7 @@ from pirlc.analyze.assembly import Assembly, assemble, composed
 from pirlc.analyze.checks import checks_of, failed
 from pirlc.analyze.closed_loop import parts_of
 from pirlc.analyze.findings import (
+    WEAK,
     Check,
     FrequencyResponse,
     Leaf,
@@ -79,6 +80,17 @@ def loops_of(
     return tuple(found), tuple(notes)
 
 
+def _weakness(leaf: Leaf, plant: Plant) -> Iterator[str]:
+    """What an identified plant does not explain of the readings that the leaf is made of."""
+    read = {filter_.sensor for filter_ in leaf.filters}
+    poor = [f"{name} {fit:.0f} %" for name, fit in plant.fit.items() if name in read and fit < WEAK]
+    if poor:
+        yield (
+            f"the identified plant explains little of what happens ({', '.join(poor)} in free "
+            "runs): this is so of the model, and may not be of what it models"
+        )
+
+
 def _setpoint(leaf: Leaf) -> PidForm | None:
     """The PID of the leaf that has a setpoint."""
     return next((form for form in leaf.pids if form.setpoint is not None), None)
@@ -110,9 +122,12 @@ def loop_of(
         return composed(plant, leaf, others, latency, z)
 
     notes = [
-        f"{filter_.sensor} is not answered by the plant and stays at rest"
-        for filter_ in leaf.filters
-        if filter_.sensor not in plant.outputs
+        *_weakness(leaf, plant),
+        *(
+            f"{filter_.sensor} is not answered by the plant and stays at rest"
+            for filter_ in leaf.filters
+            if filter_.sensor not in plant.outputs
+        ),
     ]
     outside = [pole for pole in hidden if abs(pole) >= 1.0 - _CIRCLE]
     if outside:
@@ -272,7 +287,7 @@ def _horizon(poles: Complex) -> int:
 def _figures(values: Real, final: float, times: Real) -> tuple[float | None, float | None]:
     """The settling time and the overshoot in percent."""
     largest = float(np.max(np.abs(values)))
-    at_rest = abs(final) <= 1e-9 * max(largest, 1e-300)
+    at_rest = abs(final) <= 1e-4 * max(largest, 1e-300)
     band = _SETTLED * (largest if at_rest else abs(final))
     outside = np.flatnonzero(np.abs(values - final) > band)
     last = int(outside[-1]) + 1 if len(outside) else 0

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from pirlc.analyze.findings import WEAK
 from pirlc.report.words import counted, in_interval
 
 Data = Mapping[str, Any]
@@ -106,7 +107,13 @@ def _of_loops(analysis: Data) -> Iterator[dict[str, str]]:
     if others:
         stable_others = sum(loop["stable"] for loop in others)
         text += f". Of leaves that are not taken there: {stable_others} of {len(others)} stable"
-    yield _said("loops", "linear" if loops and stable == len(loops) else "bad", text + ".")
+    mark = "linear" if loops and stable == len(loops) else "bad"
+    plant = analysis["plant"]
+    fits = [] if plant is None else [float(fit) for fit in plant["fit"].values()]
+    if fits and min(fits) < WEAK:
+        text += f". The identified plant explains as little as {min(fits):.0f} % of a reading"
+        mark = "open"
+    yield _said("loops", mark, text + ".")
 
 
 def _factor(value: float) -> str:

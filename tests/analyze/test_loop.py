@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -127,6 +128,13 @@ def test_a_drift_that_no_sensor_shows_is_told():
     )
     # Of 0.25 / (z - 0.5): the pole 0.5 - 0.25 k reaches -1 at k = 6.
     assert loop.margins.gain_up == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize(("fit", "told"), [(49.0, True), (51.0, False)])
+def test_a_model_that_explains_little_is_told(fit, told):
+    plant = replace(SPEED, fit={"Speed": fit})
+    (loop,) = analyze(program_of(ENGINE.format(latency="", setpoint=0)), plant).loops
+    assert any("(Speed 49 % in free runs)" in note for note in loop.notes) is told
 
 
 def test_a_leaf_that_reads_nothing_of_the_plant_has_no_loop():

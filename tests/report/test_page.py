@@ -124,6 +124,17 @@ def test_the_verdict(shown):
     }
 
 
+def test_loops_around_a_model_that_explains_little(full, reported):
+    path = full / "analysis.json"
+    analysis = json.loads(path.read_text())
+    analysis["plant"]["fit"] = {"Side": 12.0}
+    path.write_text(json.dumps(analysis))
+    _, data = reported(full)
+    loops = data["head"]["verdict"][-1]
+    assert loops["mark"] == "open"
+    assert loops["text"].endswith("The identified plant explains as little as 12 % of a reading.")
+
+
 def test_what_is_refuted_is_plotted(shown):
     text = shown.text
     figures = [found.pointer for found in Page(text).shown if found.tag == "figure"]
