@@ -338,3 +338,16 @@ def test_obligations_of_what_does_not_hold_are_left_open():
     assert obligations(proved(X, "= raw(A) < 0")) == {
         "warm-up": "unknown (the property is refuted without it)"
     }
+
+
+def test_what_may_be_is_allowed_together():
+    # Safe while the first reading is late, then a window filled at one go: neither alone does it.
+    head = "policy example\nsensor y : [0.5, 3] = 0 missing fail\nwindow 2\n"
+    claim = "over 2 = peek(A, -2) > 0 or peek(raw(A), -1) == peek(y, -2) or peek(y, -1) == 1.75"
+    finding = proved("peek(y, -2)", claim, head)
+    told = {o.name: o.evidence.kind for o in finding.obligations}
+    assert finding.evidence.kind is Kind.PROVED
+    assert told == {"warm-up": Kind.PROVED, "safe values": Kind.REFUTED}
+    shown = finding.obligations[-1].counterexample
+    assert shown.steps[0].applied["A"] == 0.0
+    assert shown.steps[1].raw["A"] != 1.75
