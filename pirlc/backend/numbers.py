@@ -47,6 +47,10 @@ def _shortest_binary32(value: float) -> str:
     below, above = exact - gap / (4 if is_power else 2), exact + gap / 2
     for digits in range(1, 10):
         text = f"{abs(value):.{digits - 1}e}"
+        if Fraction(text) <= below:
+            # Numbers below a power of two lie closer: the next decimal above may still be near it.
+            unit = Fraction(10) ** (int(text.partition("e")[2]) + 1 - digits)
+            text = f"{float(Fraction(text) + unit):.{digits - 1}e}"
         if below < Fraction(text) < above:
             break
     plain = repr(float(text))

@@ -12,7 +12,7 @@ from pirlc.ir.operators import Operator
 from pirlc.ir.policy import Interface, Program
 from pirlc.ir.terms import Apply, LocalRef, SensorRef, Term, subterms, transform
 from pirlc.ir.types import Sequence
-from tests.backend.helpers import COMPILERS, NAMES, Run, bits, load_program, program_of
+from tests.backend.helpers import COMPILERS, FORMS, NAMES, Run, bits, load_program, program_of
 from tests.support.observations import random_observations
 from tests.support.programs import random_program
 
@@ -116,3 +116,78 @@ def test_folds_inside_folds_over_a_single_reading(real: str, tmp_path) -> None:
     )
     forms = [Run(program, form, real, tmp_path) for form in ("python", "c")]
     assert_agrees(program, real, 7, forms, tmp_path)
+
+
+SMALL = """
+policy small
+sensor X : [-1, 1] = 0
+sensor Y : [-1, 1] = 1 missing zero
+window {window}
+latency {latency}
+action A : [-2, 2] safe 0.5 = {action}
+"""
+
+KEEPS = r"fold(\v acc -> if v > 0 then acc else (if v < -0.5 then v else acc * 0.5), X, 1)"
+TAKES = r"fold(\v acc -> if v > 0 then (if v > 0.5 then v else acc * 0.5) else acc, X, 1)"
+NESTED = r"fold(\v acc -> acc + v * fold(+, Y), X, 1)"
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize(
+    ("action", "window", "latency"),
+    [
+        (NESTED, 2, 0),
+        (NESTED, 2, 1),
+        (NESTED, 3, 2),
+        (NESTED, 9, 0),
+        (KEEPS, 2, 0),
+        (KEEPS, 12, 1),
+        (TAKES, 12, 0),
+        ("peek(X, -1) + fold(+, Y)", 8, 1),
+        ("1 / peek(X, -1) + peek(Y, -1) / 0", 1, 0),
+        ("1e300 * 1e300 * peek(X, -1)", 1, 0),
+        ("fold(max, diff(X)) - fold(min, X * 1e39)", 10, 3),
+    ],
+)
+def test_small_programs(action, window, latency, real, tmp_path):
+    program = program_of(SMALL.format(action=action, window=window, latency=latency))
+    forms = [Run(program, form, real, tmp_path) for form in FORMS if form != "interpreter"]
+    assert_agrees(program, real, 3, forms, tmp_path)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_truth_tables(form, tmp_path):
+    guards = [
+        "{a} and {b}",
+        "{a} or {b}",
+        "not {a}",
+        "not ({a} or {b})",
+        "({a} implies {b})",
+        "({b} implies {a}) and not ({a} and {b})",
+        "{a} and ({b} or not {a})",
+        "not ({a} implies {b}) or {b}",
+    ]
+    a, b = "peek(X, -1) > 0", "peek(Y, -1) > 0"
+    actions = "\n".join(
+        f"action u{k} : {{0, 1}} = if {guard.format(a=f'({a})', b=f'({b})')} then 1 else 0"
+        for k, guard in enumerate(guards)
+    )
+    run = Run(
+        program_of(f"policy truth\nsensor X : [-1, 1] = 0\nsensor Y : [-1, 1] = 1\n{actions}"),
+        form,
+        "double",
+        tmp_path,
+    )
+    for x in (False, True):
+        for y in (False, True):
+            expected = [
+                x and y,
+                x or y,
+                not x,
+                not (x or y),
+                not x or y,
+                (not y or x) and not (x and y),
+                x and (y or not x),
+                (x and not y) or y,
+            ]
+            assert run.step([x - 0.5, y - 0.5])[0] == tuple(map(int, expected)), (x, y)

@@ -105,9 +105,13 @@ def test_a_long_list_of_values_is_cut_in_its_comment():
     [member] = structure(texts(program)[0], "many_action")
     about = "int u; /* {" + values
     assert member == about[: len("int u; /* ") + 76] + " ... */"
-    just = program_of("policy few\naction u : {" + ", ".join(map(str, range(100, 113))) + "} = 100")
-    [member] = structure(texts(just)[0], "few_action")
-    assert "..." not in member and member.endswith("112}, safe 100 */")
+    for last, is_cut in ((100, False), (1000, True)):
+        values = ", ".join(map(str, [1, *range(10, 26), last]))
+        about = f"{{{values}}}, safe 1"
+        assert len(about) == (81 if is_cut else 80)
+        few = program_of(f"policy few\naction u : {{{values}}} = 1")
+        shown = f"{about[:76]} ..." if is_cut else about
+        assert structure(texts(few)[0], "few_action") == [f"int u; /* {shown} */"]
 
 
 def test_numbers_have_the_narrowest_type_that_every_c99_gives_them():
@@ -309,3 +313,8 @@ def test_a_line_is_wrapped_only_where_it_is_too_long():
             assert len(line) == length
             assert (len(wrap(line)) > 1) == (length > WIDTH)
     assert wrapped_python("a" * 200) == ["a" * 200]
+    assert wrapped_c(f"    {'a' * 150} = {'b' * 120};") == [
+        f"    {'a' * 150}",
+        "        =",
+        f"        {'b' * 120};",
+    ]

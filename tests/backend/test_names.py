@@ -208,6 +208,8 @@ def test_comments_hold_printable_ascii_that_ends_nothing():
     assert not any(line.endswith("\\") for line in lines)
     assert lines[:3] == ["a * / b / * c ? ?/ \\ .", "d \\ .", '\\xe9\\r\\x00\\x0b    """\\u2028e']
     assert len(lines) == 4
+    assert comment_lines("") == comment_lines("\n\n") == []
+    assert comment_lines("a\n\nb") == ["a", "", "b"]
 
 
 @pytest.mark.skipif(not COMPILERS, reason="no gcc and no clang on this machine")

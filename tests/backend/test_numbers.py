@@ -33,7 +33,9 @@ def is_tie(value: float, text: str) -> bool:
 def test_binary32_constants_are_numpys_shortest():
     rng = random.Random(0)
     edges = [0, 1, 2, 0x007FFFFF, 0x00800000, 0x7F7FFFFF, 0x3F800000, 0x4B800000, 0x33800000]
-    for bits in [*edges, *(rng.randrange(0x7F800000) for _ in range(2000))]:
+    powers = [exponent << 23 for exponent in range(1, 255)]
+    subnormal = [*range(300), *(rng.randrange(1 << 23) for _ in range(300))]
+    for bits in [*edges, *powers, *subnormal, *(rng.randrange(0x7F800000) for _ in range(2000))]:
         for sign in (0, 1 << 31):
             value = binary32(bits | sign)
             text = shortest(value, "float")
@@ -51,6 +53,7 @@ def test_binary64_constants():
 def test_infinities_and_suffixes():
     assert constant(1e300, "float").code == "HUGE_VALF"
     assert constant(-math.inf, "double").code == "-HUGE_VAL"
+    assert constant(-1e300, "float").code == "-HUGE_VALF"
     assert constant(0.1, "float").code == "0.1f"
     assert constant(1e-50, "float").code == "0.0f"
     assert python_constant(-1e300, "float").code == "-INFINITY"

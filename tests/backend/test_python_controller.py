@@ -176,3 +176,19 @@ def test_parameters_of_a_binary32_controller_are_rounded():
     assert controller.params == {"k": 0.10000000149011612}
     assert controller.step([1.0]) == (0.10000000149011612,)
     assert controller_of(program, k=0.1).step([1.0]) == (0.1,)
+
+
+def test_the_state_holds_what_a_step_needs_and_no_more():
+    assert controller_of(program_of(SUMMING))._state == ((50.0,) * 3, False)
+    still = controller_of(program_of("policy still\naction u : [-1, 1] = 0.5"))
+    still.step([])
+    assert not hasattr(still, "_state") or still._state == ()
+    counting = SUMMING.replace("= 0\n", "= 0 missing hold 3 then fail\n").replace(
+        "0, 1000]", "0, 1000] safe 0"
+    )
+    controller = controller_of(program_of(counting))
+    assert controller._state == ((50.0,) * 3, False, 0)
+    controller.step([math.nan])
+    assert controller._state == ((50.0,) * 3, False, 1)
+    controller.step([2.0])
+    assert controller._state == ((2.0,) * 3, True, 0)

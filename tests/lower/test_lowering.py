@@ -18,6 +18,7 @@ from pirlc.ir.controller import (
 )
 from pirlc.ir.operators import Operator
 from pirlc.lower import lower
+from pirlc.lower.blocks import Names
 from tests.backend.helpers import NAMES, load_program, program_of
 
 
@@ -239,3 +240,89 @@ def test_both_sides_of_a_conditional_compute_for_themselves():
     [branch] = [s for s in made.statements if isinstance(s, Branch)]
     assert [s.local.name for s in branch.consequent if isinstance(s, Define)] == ["e_0"]
     assert [s.local.name for s in branch.alternative if isinstance(s, Define)] == ["e_0_2"]
+
+
+def test_names_that_are_taken_are_numbered_from_two():
+    names = Names(["a", "a_3"])
+    assert [names.fresh("a") for _ in range(3)] == ["a_2", "a_4", "a_5"]
+    assert [names.fresh("b") for _ in range(2)] == ["b", "b_2"]
+
+
+def test_elements_in_loops_bear_the_name_of_their_sequence():
+    made = controller("let e = 1 - x in fold(+, e * e)", "window 20")
+    assert declared(made.statements) == ["e_19", "sum", "i", "e", "u"]
+
+
+def test_what_was_computed_before_a_conditional_is_used_inside():
+    made = controller(
+        "let e = x * 2 in peek(e, -1) + (if peek(y, -1) > 0 then min(peek(e, -1) + 1, 1) else 0)"
+    )
+    assert [name for name in declared(made.statements) if name.startswith("e")] == ["e_0"]
+
+
+def test_lets_in_values_and_in_operands():
+    inner = "let b = peek(x, -1) + 1 in b * b"
+    assert declared(controller(f"let a = ({inner}) in a + a").statements) == ["b", "a", "u"]
+    assert declared(controller(f"2 + ({inner})").statements) == ["b", "u"]
+    assert declared(controller(f"fold(\\v acc -> acc + v, x, ({inner}))").statements)[0] == "b"
+
+
+def test_values_that_are_conditionals():
+    long = "if peek(x, -1) > 0 then (if peek(y, -1) > 0 then 1 else 2) else 3"
+    made = controller(f"let a = {long} in a * a")
+    assert [type(s) for s in made.statements] == [Declare, Branch, Declare]
+    assert declared(made.statements) == ["a", "u"]
+    short = controller("let a = if peek(x, -1) > 0 then 1 else 2 in a * a")
+    assert [type(s) for s in short.statements] == [Define, Declare]
+    guard = controller("let a = peek(x, -1) > 0 in if a and peek(y, -1) > 0 or a then 1 else 0")
+    [first, _] = guard.statements
+    assert isinstance(first, Define) and (first.local.name, first.local.kind) == ("a", Kind.BOOL)
+
+
+def test_sides_that_compute_something_first_make_a_branch_of_an_operand():
+    for sides in ("min(peek(y, -1) + 1, 2) else 3", "3 else min(peek(y, -1) + 1, 2)"):
+        made = controller(f"1 + (if peek(x, -1) > 0 then {sides})")
+        assert [type(s) for s in made.statements] == [Declare, Branch, Declare]
+        assert declared(made.statements) == ["chosen", "part", "u"]
+        branch = made.statements[1]
+        assert isinstance(branch, Branch)
+        assert {type(branch.consequent[-1]), type(branch.alternative[-1])} == {Set}
+        assert len(branch.consequent) + len(branch.alternative) == 3
+
+
+def chain(operators: int) -> str:
+    """An `and` of comparisons: so many operators high."""
+    return " and ".join(["peek(x, -1) > 0"] * operators)
+
+
+def test_conditions_are_named_above_twenty_operators():
+    low = controller(f"if {chain(20)} then 1 else 0")
+    assert declared(low.statements) == ["u"]
+    high = controller(f"if {chain(21)} then 1 else 0")
+    assert declared(high.statements) == ["holds", "u"]
+    first = high.statements[0]
+    assert isinstance(first, Define) and first.local.kind is Kind.BOOL
+
+
+def test_conditionals_with_tall_sides_are_branches():
+    tall = " + ".join(["peek(x, -1)"] * 22)
+    for sides in (f"{tall} else 0", f"0 else {tall}"):
+        made = controller(f"abs(if peek(y, -1) > 0 then {sides})")
+        assert declared(made.statements) == ["chosen", "u"]
+    made = controller(f"abs(if peek(y, -1) > 0 then {tall[:-14]} else 0)")
+    [select] = [e for e in expressions(made.statements) if isinstance(e, Select)]
+    assert select.height == 21
+
+
+def test_a_tall_choice_of_discrete_values_is_a_discrete_part():
+    made = lower(
+        program_of(
+            f"""
+            policy tall
+            sensor x : [0, 1] = 0
+            action u : {{0, 1}} = if previous(u) == (if {chain(20)} then 1 else 0) then 1 else 0
+            """
+        )
+    )
+    parts = [s.local for s in made.statements if isinstance(s, Define)]
+    assert [part.kind for part in parts] == [Kind.DISCRETE]
