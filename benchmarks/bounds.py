@@ -13,9 +13,9 @@ from pirlc.frontend import parse_sketch
 from pirlc.ir.evidence import PROVED, Kind
 from pirlc.ir.expansion import close
 from pirlc.source import SourceText
-from pirlc.verify.bounds import bounds
+from pirlc.verify.bounds.actions import bounds
 from pirlc.verify.findings import ActionBounds, Extreme
-from pirlc.verify.remarks import guard_margins, remarks
+from pirlc.verify.remarks.collect import guard_margins, remarks
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 

@@ -14,9 +14,9 @@ from pirlc.ir.policy import ActionSpec, Choice, Continuous, Program, Property
 from pirlc.ir.terms import PreviousAction, subterms
 from pirlc.semantics.precision import to_binary32
 from pirlc.source import SourceText
-from pirlc.verify.cone import concerned
 from pirlc.verify.findings import PropertyFinding, Replay, Tightest, Verification
 from pirlc.verify.problems import problems_of
+from pirlc.verify.properties.cone import concerned
 
 REFUTED, UNDECIDED = 1, 2
 

@@ -51,14 +51,14 @@ def command(
     from pirlc.cli.emitted_text import emitted_problems, emitted_texts
     from pirlc.cli.verification_text import exit_code, property_texts
     from pirlc.report.data import as_data
-    from pirlc.verify.asking import Limits
-    from pirlc.verify.bounds import bounds
+    from pirlc.verify.bounds.actions import bounds
     from pirlc.verify.emitted import check_emitted
     from pirlc.verify.findings import Verification
     from pirlc.verify.problems import problems_of
-    from pirlc.verify.properties import prove
-    from pirlc.verify.remarks import guard_margins, remarks
-    from pirlc.verify.tightening import tightened
+    from pirlc.verify.properties.asking import Limits
+    from pirlc.verify.properties.prove import prove
+    from pirlc.verify.properties.tightening import tightened
+    from pirlc.verify.remarks.collect import guard_margins, remarks
 
     limits = Limits(seconds=seconds)
     proved = prove(closed, limits)

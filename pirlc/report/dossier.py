@@ -20,8 +20,8 @@ from pirlc.report.manifest import sha256_of
 from pirlc.report.page import write_report
 from pirlc.report.run import ANALYSIS, VERIFICATION
 from pirlc.report.traces import trace_episode, write_traces
-from pirlc.verify.asking import DEFAULT_LIMITS, Limits
 from pirlc.verify.findings import Verification
+from pirlc.verify.properties.asking import DEFAULT_LIMITS, Limits
 from pirlc.verify.verification import verify
 
 

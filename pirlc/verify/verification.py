@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pirlc.ir.policy import Program
-from pirlc.verify.asking import DEFAULT_LIMITS, Limits
-from pirlc.verify.bounds import bounds
+from pirlc.verify.bounds.actions import bounds
 from pirlc.verify.emitted.check import check_emitted
 from pirlc.verify.findings import Verification
-from pirlc.verify.properties import prove
-from pirlc.verify.remarks import guard_margins, remarks
-from pirlc.verify.tightening import tightened
+from pirlc.verify.properties.asking import DEFAULT_LIMITS, Limits
+from pirlc.verify.properties.prove import prove
+from pirlc.verify.properties.tightening import tightened
+from pirlc.verify.remarks.collect import guard_margins, remarks
 
 
 def verify(program: Program, limits: Limits = DEFAULT_LIMITS) -> Verification:

@@ -12,7 +12,7 @@ from pirlc.ir.policy import Program
 from pirlc.semantics.interpreter import State, initial_state, step
 from pirlc.semantics.precision import BINARY64
 from pirlc.source import SourceText
-from pirlc.verify.properties import prove
+from pirlc.verify.properties.prove import prove
 
 HEAD = """policy example
 sensor x : [-1, 1] = 0

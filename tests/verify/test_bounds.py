@@ -19,10 +19,10 @@ from pirlc.ir.operators import Operator
 from pirlc.ir.policy import Choice, Continuous, Program
 from pirlc.semantics.precision import BINARY64, Precision, widened
 from pirlc.source import SourceText
-from pirlc.verify.asking import Limits
-from pirlc.verify.bounds import bounds
+from pirlc.verify.bounds.actions import bounds
 from pirlc.verify.exact import exact_steps
 from pirlc.verify.findings import ActionBounds, ChoiceBounds, Extreme
+from pirlc.verify.properties.asking import Limits
 from pirlc.verify.replay import Trial, run
 from tests.support.programs import Kinds, random_program
 

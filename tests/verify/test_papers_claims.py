@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from pirlc.verify.properties import prove
+from pirlc.verify.properties.prove import prove
 from tests.verify.proving import PROVED, REFUTED, kinds, precision_of_replay
 
 BY_ROUNDING = ("proved", "refuted", "refuted")

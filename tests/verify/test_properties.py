@@ -6,9 +6,9 @@ import pytest
 
 from pirlc.ir.evidence import Kind
 from pirlc.semantics.precision import BINARY32, BINARY64
-from pirlc.verify.asking import Limits
 from pirlc.verify.model import Perturbation
-from pirlc.verify.properties import prove, prove_perturbed
+from pirlc.verify.properties.asking import Limits
+from pirlc.verify.properties.prove import prove, prove_perturbed
 from tests.verify.proving import HEAD, PROVED, REFUTED, kinds, program_of, proved
 
 X, Y = "peek(x, -1)", "peek(y, -1)"
@@ -228,7 +228,7 @@ def test_a_guard_that_rounding_may_turn_leaves_the_property_unproved_in_floats()
 def test_perturbed_by_nothing_is_the_plain_question():
     program = program_of(HEAD + f"action A : [-2, 2] = {X}\nproperty p = raw(A) <= 1\n")
     (claim,) = program.properties
-    from pirlc.verify.asking import Found, Never
+    from pirlc.verify.properties.asking import Found, Never
 
     exactly = Perturbation(BINARY64, {"A": 0}, {})
     assert isinstance(prove_perturbed(program, claim, exactly), Never)

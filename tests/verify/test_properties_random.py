@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from pirlc.ir.evidence import Kind
 from pirlc.semantics.precision import BINARY32, BINARY64
-from pirlc.verify.asking import Limits, replayed
-from pirlc.verify.properties import prove
-from pirlc.verify.trials import random_trials
+from pirlc.verify.properties.asking import Limits, replayed
+from pirlc.verify.properties.prove import prove
+from pirlc.verify.properties.trials import random_trials
 from tests.verify.proving import precision_of_replay, program_of
 
 LIMITS = Limits(work=300_000, tests=2_000)

@@ -30,11 +30,11 @@ from pirlc.ir.terms import (
 from pirlc.ir.types import Bool, Discrete, Real
 from pirlc.semantics.precision import BINARY32
 from pirlc.source import SourceText, Span
-from pirlc.verify.bounds import bounds
+from pirlc.verify.bounds.actions import bounds
 from pirlc.verify.exact import exact_step
 from pirlc.verify.findings import GuardRounding, Matter, Remark
-from pirlc.verify.hazards import some_trials
-from pirlc.verify.remarks import OVER_REALS, WHERE_DEFINED, guard_margins, remarks
+from pirlc.verify.remarks.collect import OVER_REALS, WHERE_DEFINED, guard_margins, remarks
+from pirlc.verify.remarks.hazards import some_trials
 from pirlc.verify.replay import Trial, run
 from tests.support.programs import Kinds, random_program
 

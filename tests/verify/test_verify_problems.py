@@ -9,7 +9,7 @@ from pirlc.diagnostics import render
 from pirlc.resources import explanations
 from pirlc.source import SourceText
 from pirlc.verify import problems
-from pirlc.verify.properties import prove
+from pirlc.verify.properties.prove import prove
 from tests.verify.proving import HEAD, program_of
 
 BODY = HEAD + "action A : [-2, 2] safe 0 = {action}\nproperty p = {claim}\n"

@@ -21,18 +21,18 @@ from pirlc.ir.terms import Apply, Term
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import Form
 from pirlc.symbolic.z3_terms import Real
-from pirlc.verify.asking import DEFAULT_LIMITS, Limits
-from pirlc.verify.bounds import replay_of
-from pirlc.verify.claims import Claim, part_claim, settled
-from pirlc.verify.cone import part_of
-from pirlc.verify.deciding import cost
+from pirlc.verify.bounds.actions import replay_of
+from pirlc.verify.bounds.extremes import CLOSE, supremum
 from pirlc.verify.exact import NotRational, exact_steps
-from pirlc.verify.extremes import CLOSE, supremum
 from pirlc.verify.findings import Extreme, PropertyFinding, Tightest
 from pirlc.verify.model import Model, unroll
+from pirlc.verify.properties.asking import DEFAULT_LIMITS, Limits
+from pirlc.verify.properties.claims import Claim, part_claim, settled
+from pirlc.verify.properties.cone import part_of
+from pirlc.verify.properties.deciding import cost
+from pirlc.verify.properties.ruling import value_of
+from pirlc.verify.properties.trials import trials_of
 from pirlc.verify.replay import Observed, Trial
-from pirlc.verify.ruling import value_of
-from pirlc.verify.trials import trials_of
 
 LARGEST = 5_000
 """Operations of a model that is worth the optimiser's time."""

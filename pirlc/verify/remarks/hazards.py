@@ -20,12 +20,12 @@ from pirlc.source import Span
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import Partial
 from pirlc.symbolic.z3_terms import Truth
-from pirlc.verify.asking import Limits
-from pirlc.verify.bounds import operations
-from pirlc.verify.extremes import limited, trial_of, why
+from pirlc.verify.bounds.actions import operations
+from pirlc.verify.bounds.extremes import limited, trial_of, why
 from pirlc.verify.findings import Matter, Remark, Replay
 from pirlc.verify.model import Model, finite_range
-from pirlc.verify.occurrences import failing, occurrences
+from pirlc.verify.properties.asking import Limits
+from pirlc.verify.remarks.occurrences import failing, occurrences
 from pirlc.verify.replay import Trial, as_replay, run
 from pirlc.verify.rounding import rounding
 

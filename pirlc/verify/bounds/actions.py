@@ -20,12 +20,9 @@ from pirlc.ir.terms import Literal
 from pirlc.semantics.precision import BINARY32, BINARY64
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_terms import Real, Truth
-from pirlc.verify.asking import DEFAULT_LIMITS, Limits
-from pirlc.verify.computed import as_computed
-from pirlc.verify.deciding import LARGEST, cost
-from pirlc.verify.enclosure import Enclosure, IntervalStep, enclose, needed
-from pirlc.verify.exact import NotRational, exact_steps
-from pirlc.verify.extremes import (
+from pirlc.verify.bounds.computed import as_computed
+from pirlc.verify.bounds.enclosure import Enclosure, IntervalStep, enclose, needed
+from pirlc.verify.bounds.extremes import (
     CLOSE,
     ROOMS,
     Supremum,
@@ -35,9 +32,12 @@ from pirlc.verify.extremes import (
     trial_of,
     why,
 )
+from pirlc.verify.bounds.intervals import Interval
+from pirlc.verify.exact import NotRational, exact_steps
 from pirlc.verify.findings import ActionBounds, ChoiceBounds, Extreme, Replay
-from pirlc.verify.intervals import Interval
 from pirlc.verify.model import Model, unroll
+from pirlc.verify.properties.asking import DEFAULT_LIMITS, Limits
+from pirlc.verify.properties.deciding import LARGEST, cost
 from pirlc.verify.replay import Trial, as_replay, run
 from pirlc.verify.rounding import rounding
 

@@ -20,10 +20,10 @@ from pirlc.semantics.precision import BINARY64
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import GuardKey
 from pirlc.symbolic.z3_terms import Real, Term, Truth
-from pirlc.verify.asking import Limits
 from pirlc.verify.exact import NotRational
 from pirlc.verify.findings import Extreme, Replay
 from pirlc.verify.model import Model
+from pirlc.verify.properties.asking import Limits
 from pirlc.verify.replay import Trial, as_replay, near_reading, run
 
 CLOSE = Fraction(1, 10**9)

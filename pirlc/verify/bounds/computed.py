@@ -13,11 +13,11 @@ from pirlc.ir.policy import ActionSpec, Program
 from pirlc.semantics.precision import Precision
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_terms import Real
-from pirlc.verify.asking import Limits
-from pirlc.verify.deciding import perturbation
-from pirlc.verify.extremes import greatest, limited
+from pirlc.verify.bounds.extremes import greatest, limited
 from pirlc.verify.findings import AsComputed
 from pirlc.verify.model import Model, unroll
+from pirlc.verify.properties.asking import Limits
+from pirlc.verify.properties.deciding import perturbation
 from pirlc.verify.ranges import running_ranges
 
 

@@ -21,15 +21,15 @@ from pirlc.ir.terms import Term
 from pirlc.source import Span
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import BodyForm, Form, Guard, GuardKey, Inputs
-from pirlc.verify.asking import Limits
-from pirlc.verify.bounds import operations
-from pirlc.verify.deciding import LARGEST
+from pirlc.verify.bounds.actions import operations
+from pirlc.verify.bounds.extremes import Supremum, limited, supremum
 from pirlc.verify.exact import exact_step
-from pirlc.verify.extremes import Supremum, limited, supremum
 from pirlc.verify.findings import Extreme, Matter, Remark
-from pirlc.verify.hazards import completed
 from pirlc.verify.model import Model
-from pirlc.verify.occurrences import occurrences
+from pirlc.verify.properties.asking import Limits
+from pirlc.verify.properties.deciding import LARGEST
+from pirlc.verify.remarks.hazards import completed
+from pirlc.verify.remarks.occurrences import occurrences
 from pirlc.verify.replay import Trial, as_replay, run
 
 

@@ -11,7 +11,8 @@ from pirlc.ir.terms import Fold, FoldLambda, Term, children, type_of
 from pirlc.ir.types import Sequence
 from pirlc.semantics.precision import BINARY64, Precision
 from pirlc.symbolic.z3_form import GuardKey
-from pirlc.verify.asking import (
+from pirlc.verify.model import ORDINARY, Circumstances, Perturbation, unroll
+from pirlc.verify.properties.asking import (
     DEFAULT_LIMITS,
     Answer,
     Found,
@@ -21,12 +22,11 @@ from pirlc.verify.asking import (
     ask,
     replayed,
 )
-from pirlc.verify.claims import question
-from pirlc.verify.cone import concerned
-from pirlc.verify.model import ORDINARY, Circumstances, Perturbation, unroll
+from pirlc.verify.properties.claims import question
+from pirlc.verify.properties.cone import concerned
+from pirlc.verify.properties.trials import random_trials
 from pirlc.verify.ranges import running_ranges
 from pirlc.verify.rounding import rounding
-from pirlc.verify.trials import random_trials
 
 LARGEST = 100_000
 """Operations that a model may have, over all its steps."""

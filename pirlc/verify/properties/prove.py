@@ -18,12 +18,20 @@ from pirlc.ir.printer import term_text
 from pirlc.ir.terms import Apply, Term
 from pirlc.semantics.precision import BINARY32, BINARY64, Precision
 from pirlc.source import Span
-from pirlc.verify.asking import DEFAULT_LIMITS, Answer, Found, Limits, Never, Undecided, replayed
-from pirlc.verify.deciding import answer_to, evidence_of, perturbation, prove_perturbed
 from pirlc.verify.findings import PropertyFinding
-from pirlc.verify.obligations import obligations
+from pirlc.verify.properties.asking import (
+    DEFAULT_LIMITS,
+    Answer,
+    Found,
+    Limits,
+    Never,
+    Undecided,
+    replayed,
+)
+from pirlc.verify.properties.deciding import answer_to, evidence_of, perturbation, prove_perturbed
+from pirlc.verify.properties.obligations import obligations
+from pirlc.verify.properties.ruling import holds
 from pirlc.verify.replay import as_replay
-from pirlc.verify.ruling import holds
 
 __all__ = ["Limits", "prove", "prove_one", "prove_perturbed"]
 

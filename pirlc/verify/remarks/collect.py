@@ -20,16 +20,16 @@ from pirlc.source import Span
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import Branching, Guard
 from pirlc.symbolic.z3_terms import Truth
-from pirlc.verify.asking import DEFAULT_LIMITS, Limits
-from pirlc.verify.bounds import operations, restricted
-from pirlc.verify.deciding import LARGEST, perturbation
-from pirlc.verify.extremes import limited
+from pirlc.verify.bounds.actions import operations, restricted
+from pirlc.verify.bounds.extremes import limited
 from pirlc.verify.findings import GuardRounding, Matter, Remark
-from pirlc.verify.hazards import hazards, same_place
-from pirlc.verify.idle import idle
-from pirlc.verify.jumps import jump
 from pirlc.verify.model import Model, unroll
-from pirlc.verify.occurrences import occurrences
+from pirlc.verify.properties.asking import DEFAULT_LIMITS, Limits
+from pirlc.verify.properties.deciding import LARGEST, perturbation
+from pirlc.verify.remarks.hazards import hazards, same_place
+from pirlc.verify.remarks.idle import idle
+from pirlc.verify.remarks.jumps import jump
+from pirlc.verify.remarks.occurrences import occurrences
 from pirlc.verify.rounding import rounding
 
 WHERE_DEFINED = Evidence(

@@ -15,10 +15,10 @@ import z3
 from pirlc.ir.policy import Program, Property
 from pirlc.semantics.precision import Precision
 from pirlc.symbolic import z3_terms as exact
-from pirlc.verify.claims import Question
+from pirlc.verify.properties.claims import Question
+from pirlc.verify.properties.ruling import holds
+from pirlc.verify.properties.trials import trials_of
 from pirlc.verify.replay import Observed, Trial, run
-from pirlc.verify.ruling import holds
-from pirlc.verify.trials import trials_of
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,6 @@ from dataclasses import replace
 
 from pirlc.ir.evidence import Evidence, Kind, unknown
 from pirlc.ir.policy import Fill, Program, Property, Zero
-from pirlc.verify.asking import Found, Limits
-from pirlc.verify.deciding import answer_to, evidence_of
 from pirlc.verify.findings import Obligation
 from pirlc.verify.model import (
     ORDINARY,
@@ -21,6 +19,8 @@ from pirlc.verify.model import (
     failing_sensors,
     reading_range,
 )
+from pirlc.verify.properties.asking import Found, Limits
+from pirlc.verify.properties.deciding import answer_to, evidence_of
 from pirlc.verify.replay import as_replay
 
 WARM_UP, MISSING, SAFE = "warm-up", "missing readings", "safe values"

@@ -21,7 +21,7 @@ from pirlc.ir.policy import Choice, Continuous, Program
 from pirlc.ir.terms import PreviousAction, subterms
 from pirlc.ir.types import Type
 from pirlc.symbolic.walk import walk
-from pirlc.verify.intervals import DIGITS, Interval, Possible, algebra, between, clip, end
+from pirlc.verify.bounds.intervals import DIGITS, Interval, Possible, algebra, between, clip, end
 from pirlc.verify.model import finite_range
 
 CLOSE = Fraction(1, 10**9)

@@ -14,11 +14,11 @@ from pirlc.ir.policy import Continuous, FixedParameter, Program
 from pirlc.ir.terms import ParameterRef, subterms
 from pirlc.symbolic import z3_terms as exact
 from pirlc.symbolic.z3_form import BodyForm, Form, Inputs
-from pirlc.verify.asking import Limits
-from pirlc.verify.extremes import limited, why
+from pirlc.verify.bounds.extremes import limited, why
 from pirlc.verify.findings import Matter, Remark
-from pirlc.verify.hazards import some_trials, tries
 from pirlc.verify.model import unroll, working_range
+from pirlc.verify.properties.asking import Limits
+from pirlc.verify.remarks.hazards import some_trials, tries
 from pirlc.verify.replay import run
 
 _TRIALS = 60

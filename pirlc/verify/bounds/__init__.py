@@ -1,0 +1,1 @@
+"""The tightest values that actions reach."""

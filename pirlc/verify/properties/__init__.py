@@ -1,0 +1,1 @@
+"""Properties: proved by z3, refuted by a history that replays, or tried on many."""
