@@ -100,9 +100,6 @@ DEVIATIONS = (
             ("oppositeExpression", "an expression compared with its negative"),
             ("duplicateBranch", "both sides of an `if` are alike"),
             ("knownConditionTrueFalse", "a condition that is always true or false"),
-            ("redundantCondition", "a condition that another one implies"),
-            ("oppositeInnerCondition", "a condition that contradicts the one around it"),
-            ("identicalInnerCondition", "a condition that repeats the one around it"),
             ("invalidFunctionArg", "the root of a negative constant, which is NaN"),
         )
     ),

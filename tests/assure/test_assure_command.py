@@ -77,7 +77,6 @@ def test_findings_are_the_exit_code(monkeypatch, capsys):
     ]
 
 
-@pytest.mark.skipif(not command.RESULTS.is_file(), reason="no run has been recorded yet")
 def test_the_page_shows_the_record():
     record = json.loads(command.RESULTS.read_text(encoding="utf-8"))
     text = command.PAGE.read_text(encoding="utf-8")
