@@ -133,7 +133,8 @@ def _in_words(result: SynthesisResult, folder: Path) -> str:
             lines.append(f"  {name.ljust(width)}   {shown}   {interval(found)}")
         lines.append("")
     if result.dossier is not None:
-        lines += [*result.dossier.verdict, ""]
+        took = f"(proofs, analysis and page: {result.dossier.seconds:.1f} s)"
+        lines += [*result.dossier.verdict, took, ""]
     lines.append(f"in {folder}")
     lines += [f"  {_under(path, folder)}" for path in (result.program_file, *result.files)]
     return "\n".join(lines)
@@ -152,6 +153,7 @@ def _as_data(result: SynthesisResult, folder: Path) -> dict[str, object]:
         "size": result.program.size,
         "returns": {name: estimate_data(found) for name, found in result.returns.items()},
         "oracle": None if result.oracle is None else result.oracle.origin,
+        "dossier_seconds": None if result.dossier is None else round(result.dossier.seconds, 1),
         "verdict": None if result.dossier is None else list(result.dossier.verdict),
         "folder": str(folder),
         "files": [str(path) for path in (result.program_file, *result.files)],

@@ -5,6 +5,7 @@ beside the oracle, and the page that shows it all.
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,12 +29,13 @@ from pirlc.verify.verification import verify
 @dataclass(frozen=True)
 class Dossier:
     """`verdict` is what the page says at its head, but for the returns; `files` are in the run's
-    folder."""
+    folder; `seconds` is what it all took."""
 
     verification: Verification
     analysis: Analysis
     verdict: tuple[str, ...]
     files: tuple[Path, ...]
+    seconds: float
 
 
 STAGES = ("prove", "analyze", "trace", "report")
@@ -54,6 +56,7 @@ def write_dossier(
 
     `seed` is that of the episode to be traced; `tell` hears each of `STAGES` as it begins.
     """
+    start = time.perf_counter()
     tell("prove")
     verification = verify(program, limits)
     files = [_write(folder / VERIFICATION, verification, program)]
@@ -67,7 +70,8 @@ def write_dossier(
     page, data = write_report(folder)
     said = json.loads(data.read_text(encoding="utf-8"))["head"]["verdict"]
     verdict = tuple(line["text"] for line in said if line["about"] != "returns")
-    return Dossier(verification, analysis, verdict, (*files, page, data))
+    seconds = time.perf_counter() - start
+    return Dossier(verification, analysis, verdict, (*files, page, data), seconds)
 
 
 def analysis_in(program: Program, environment: Environment, *, trust: bool = False) -> Analysis:
