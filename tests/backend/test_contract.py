@@ -182,6 +182,8 @@ def test_parameters_of_emitted_python():
     default, other = made(), made.with_params({"gain": -1.0})
     assert [p.act([1.0]) for p in (default, other, default)] == [(4.5,), (-1.5,), (4.5,)]
     assert [p.act([3.0]) for p in (default, other)] == [(8.5,), (-3.5,)]
+    both = made.with_params({"bias": -0.25, "gain": 3.0})
+    assert [p.act([1.0]) for p in (made.with_params({"bias": 1.0}), both)] == [(5.0,), (5.75,)]
     with pytest.raises(ValueError, match="no parameter 'gian'"):
         made.with_params({"gian": 1.0})
 
@@ -193,6 +195,8 @@ def test_parameters_and_instances_of_emitted_c(tmp_path):
     assert first.params == {"gain": 2.0, "bias": 0.5}
     assert [c.step([1.0])[0] for c in (first, other, first)] == [(4.5,), (-1.5,), (4.5,)]
     assert [c.step([3.0])[0] for c in (first, other)] == [(8.5,), (-3.5,)]
+    both = first.with_params({"bias": -0.25, "gain": 3.0})
+    assert [c.step([1.0])[0] for c in (first.with_params({"bias": 1.0}), both)] == [(5.0,), (5.75,)]
     first.reset()
     assert first.step([2.0]) == ((8.5,), 0)
     with pytest.raises(PirlcError) as caught:
