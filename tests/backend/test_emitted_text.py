@@ -177,6 +177,15 @@ def test_python_tells_what_it_was_made_from():
     assert "Returns a tuple of ints, by the environment's components." in texts(ints)[2]
 
 
+def test_the_module_lists_what_the_program_reads_and_gives():
+    module: dict[str, object] = {"__name__": "told"}
+    exec(compile(texts()[2], "told.py", "exec"), module)
+    assert module["PARAMS"] == {"k": 2.0, "j": 3.0}
+    assert module["SENSORS"] == {"x": 2, "y": 0, "z": 1, "w": 3}
+    assert module["ACTIONS"] == ("u", "v")
+    assert [module[name] for name in ("MISSING", "OUT_OF_RANGE", "SAFE_USED")] == [1, 2, 4]
+
+
 def test_the_source_names_its_header_and_its_version():
     _, source, _ = texts()
     assert f"told: a controller, written by pirlc {pirlc.__version__}. See told.h." in source
