@@ -36,18 +36,18 @@ TARGETS = (
     ),
     *_targets(
         "printers",
-        ("pirlc/backend/c.py", "c", 35),
-        ("pirlc/backend/c_expressions.py", "c", 28),
-        ("pirlc/backend/python.py", "python", 32),
-        ("pirlc/backend/python_expressions.py", "python", 25),
-        ("pirlc/backend/text.py", "both", 15),
-        ("pirlc/backend/numbers.py", "both", 15),
+        ("pirlc/backend/c.py", "c", 20),
+        ("pirlc/backend/c_expressions.py", "c", 18),
+        ("pirlc/backend/python.py", "python", 18),
+        ("pirlc/backend/python_expressions.py", "python", 16),
+        ("pirlc/backend/text.py", "both", 8),
+        ("pirlc/backend/numbers.py", "both", 8),
     ),
     *_targets(
         "lower",
-        ("pirlc/lower/lowering.py", "both", 50),
-        ("pirlc/lower/blocks.py", "both", 15),
-        ("pirlc/lower/unused.py", "both", 12),
+        ("pirlc/lower/lowering.py", "both", 34),
+        ("pirlc/lower/blocks.py", "both", 12),
+        ("pirlc/lower/unused.py", "both", 10),
     ),
 )
 
