@@ -21,12 +21,16 @@ MEMORY = 10 << 30
 _IGNORED = shutil.ignore_patterns(
     "__pycache__", ".git", ".venv", "runs", "build", "dist", "*.egg-info", ".*_cache", ".hypothesis"
 )
+_FOLDERS = re.compile(r"(?<![\w.])/[^\s'\"]+/")
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - (.*))?$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a run of the tests came to: the first that failed, or none, and why it failed."""
+    """What a run of the tests came to: the first that failed, or none, and why it failed.
+
+    Paths are without their folders, which differ from run to run.
+    """
 
     failed: str | None
     why: str
@@ -106,9 +110,9 @@ class Tree:
             return Verdict(None, "", took)
         match = _FAILED.search(output)
         if match:
-            return Verdict(match[1], (match[2] or "")[:200], took)
+            return Verdict(match[1], _FOLDERS.sub("", match[2] or "")[:200], took)
         last = (output.strip().splitlines() or ["no output"])[-1]
-        return Verdict(f"exit code {process.returncode}", last[:200], took)
+        return Verdict(f"exit code {process.returncode}", _FOLDERS.sub("", last)[:200], took)
 
 
 def _limit_memory() -> None:

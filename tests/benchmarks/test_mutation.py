@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ast
+import json
 from pathlib import Path, PurePosixPath
 
 import pytest
 
-from benchmarks.mutation.__main__ import ROOT, summary_of
+from benchmarks.mutation import documentation
+from benchmarks.mutation.__main__ import BAR, RESULTS, ROOT, summary_of
 from benchmarks.mutation.code_text import faults
 from benchmarks.mutation.equivalent import equivalents, stale
 from benchmarks.mutation.mutants import Mutant
@@ -185,3 +187,14 @@ def test_mutants_that_look_alike_are_numbered():
     alike = [m for m in made if m.becomes == "x = 2;"]
     assert [m.number for m in alike] == [1, 2]
     assert isinstance(alike[0], Mutant) and [m.line for m in alike] == [2, 4]
+
+
+def test_the_documentation_shows_the_stored_results_and_they_meet_the_bar():
+    results = json.loads(RESULTS.read_text(encoding="utf-8"))
+    page = documentation.PLACE.read_text(encoding="utf-8")
+    assert documentation.filled(page, documentation.tables(results, equivalents())) == page
+    parts = {target.part for target in TARGETS}
+    for part in (*parts, "all"):
+        found = summary_of(results["mutants"], None if part == "all" else part)
+        assert found == results["summary"][part]
+        assert found["tried"] > 40 and found["caught"] >= BAR
