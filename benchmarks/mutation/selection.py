@@ -23,7 +23,9 @@ class Target:
 
 
 def _targets(part: str, *files: tuple[str, Language, int | None]) -> tuple[Target, ...]:
-    return tuple(Target(part, PurePosixPath(path), *rest) for path, *rest in files)  # type: ignore[arg-type]
+    return tuple(
+        Target(part, PurePosixPath(path), language, sample) for path, language, sample in files
+    )
 
 
 TARGETS = (
