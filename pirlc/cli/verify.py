@@ -52,12 +52,12 @@ def command(
     from pirlc.cli.verification_text import exit_code, property_texts
     from pirlc.report.data import as_data
     from pirlc.verify.bounds.actions import bounds
+    from pirlc.verify.bounds.tightening import tightened
     from pirlc.verify.emitted import check_emitted
     from pirlc.verify.findings import Verification
     from pirlc.verify.problems import problems_of
     from pirlc.verify.properties.asking import Limits
     from pirlc.verify.properties.prove import prove
-    from pirlc.verify.properties.tightening import tightened
     from pirlc.verify.remarks.collect import guard_margins, remarks
 
     limits = Limits(seconds=seconds)

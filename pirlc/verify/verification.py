@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pirlc.ir.policy import Program
 from pirlc.verify.bounds.actions import bounds
+from pirlc.verify.bounds.tightening import tightened
 from pirlc.verify.emitted.check import check_emitted
 from pirlc.verify.findings import Verification
 from pirlc.verify.properties.asking import DEFAULT_LIMITS, Limits
 from pirlc.verify.properties.prove import prove
-from pirlc.verify.properties.tightening import tightened
 from pirlc.verify.remarks.collect import guard_margins, remarks
 
 

@@ -6,9 +6,9 @@ from fractions import Fraction
 
 import pytest
 
+from pirlc.verify.bounds.tightening import tightened
 from pirlc.verify.properties.asking import DEFAULT_LIMITS
 from pirlc.verify.properties.prove import prove
-from pirlc.verify.properties.tightening import tightened
 from tests.verify.proving import HEAD, precision_of_replay, program_of
 
 

@@ -14,8 +14,8 @@ from pirlc.backend.numbers import PRECISIONS, RealType
 from pirlc.ir.policy import Hold, Program
 from pirlc.semantics.interpreter import initial_state, step
 from pirlc.semantics.precision import widened
-from pirlc.verify.emitted.check import Loaded, defaults, load
 from pirlc.verify.emitted.graph import Graph
+from pirlc.verify.emitted.loading import Loaded, defaults, load
 from pirlc.verify.emitted.machine import Machine
 from pirlc.verify.emitted.memory import Array, Memory
 from pirlc.verify.emitted.nodes import Integer, LimitReached, Node, NotUnderstood, Real, Undefined
