@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pirlc.cli.arguments import Arguments, argument_option
+from pirlc.cli.progress import busy
 from pirlc.cli.session import Session, json_option, pass_session
 
 if TYPE_CHECKING:
@@ -83,11 +84,13 @@ def command(
     source, sketch = read_sketch(session, program, arguments)
     closed = program_in(source, sketch)
     at = parse_points(points, closed)
-    around, notes = _plant(closed, plant, operating_point, trust)
-    found = analyze(
-        closed, around, at=at, latency=latency,
-        simulator=closed.interface.environment if simulate else None, trust=trust,
-    )  # fmt: skip
+    with busy("finding a plant") as doing:
+        around, notes = _plant(closed, plant, operating_point, trust)
+        doing("analysing")
+        found = analyze(
+            closed, around, at=at, latency=latency,
+            simulator=closed.interface.environment if simulate else None, trust=trust,
+        )  # fmt: skip
     found = replace(found, notes=(*found.notes, *notes))
     session.say(in_words(found))
     data = as_data(found)

@@ -37,3 +37,15 @@ def training() -> Iterator[Callable[[float, str], None] | None]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=1.0)
         yield lambda fraction, words: bar.update(task, completed=fraction, description=words)
+
+
+@contextmanager
+def busy(words: str) -> Iterator[Callable[[str], None]]:
+    """Shows that something is going on, and in what words; what is yielded changes them."""
+    if not is_terminal(sys.stderr):
+        yield lambda _: None
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status(words) as status:
+        yield status.update

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import click
 
 from pirlc.cli.files import program_in, read_sketch
+from pirlc.cli.progress import busy
 from pirlc.cli.session import Session, json_option, pass_session
 
 
@@ -61,15 +64,23 @@ def command(
     from pirlc.verify.remarks.collect import guard_margins, remarks
 
     limits = Limits(seconds=seconds)
-    proved = prove(closed, limits)
-    found = Verification(
-        closed.interface.name,
-        properties=tightened(closed, proved, limits) if bounded else proved,
-        bounds=bounds(closed, limits) if bounded else (),
-        remarks=remarks(closed, limits),
-        guards=guard_margins(closed, limits),
-        emitted=tuple(check_emitted(closed, real) for real in PRECISIONS) if emitted else (),
-    )
+    with busy("proving the properties") as doing:
+        proved = prove(closed, limits)
+        doing("looking for what was not asked")
+        found = Verification(
+            closed.interface.name,
+            properties=proved,
+            remarks=remarks(closed, limits),
+            guards=guard_margins(closed, limits),
+        )
+        if bounded:
+            doing("finding the tightest bounds")
+            tight = tightened(closed, proved, limits)
+            found = replace(found, properties=tight, bounds=bounds(closed, limits))
+        if emitted:
+            doing("comparing the emitted C")
+            compared = tuple(check_emitted(closed, real) for real in PRECISIONS)
+            found = replace(found, emitted=compared)
     policy = closed.interface.name
     if session.json:
         session.tell(problems_of(source, found.properties))

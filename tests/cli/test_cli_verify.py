@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
+import subprocess
+import sys
 
 import pytest
 
@@ -159,3 +162,18 @@ def test_commands_print_what_is_shown(pirlc, here):
             r"(?:.*\n)*?" if line == "..." else re.escape(line) + r"\n" for line in shown
         )
         assert re.fullmatch(pattern, outcome.out), f"{command} printed\n{outcome.out}"
+
+
+def test_progress_is_shown_on_a_terminal_alone(pirlc):
+    program = ROOT / "examples" / "cartpole" / "cartpole-0.pirl"
+    assert pirlc("verify", program).err == ""
+    ours, theirs = os.openpty()
+    command = [sys.executable, "-m", "pirlc", "verify", program, "--bounds", "--emitted"]
+    environment = {**os.environ, "TERM": "xterm"}
+    done = subprocess.run(
+        command, stdout=subprocess.PIPE, stderr=theirs, check=True, env=environment, cwd=ROOT
+    )
+    os.close(theirs)
+    assert b"proving the properties" in os.read(ours, 65536)
+    os.close(ours)
+    assert b"proving" not in done.stdout
