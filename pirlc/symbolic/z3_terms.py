@@ -28,8 +28,8 @@ Truth = Any
 
 _MOST_LEAVES = 16
 
-# z3 would take a Ctrl-C for itself: one question would be undecided, and the user not heard. Left to
-# Python, it ends the work when the question does.
+# z3 would take a Ctrl-C for itself: one question would be undecided, and the user not heard. Left
+# to Python, it ends the work when the question does.
 z3.set_param("ctrl_c", False)
 
 
