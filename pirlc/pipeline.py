@@ -160,8 +160,14 @@ def _settings(sketch: Sketch, request: SynthesisRequest, known: EnvironmentFacts
     if request.settings is not None:
         return request.settings
     settings = default_settings(actions=len(sketch.interface.actions), native=known.native)
-    largest = settings.largest if request.largest is None else request.largest
-    return replace(settings, seed=request.seed, largest=largest)
+    return replace(
+        settings,
+        seed=request.seed,
+        largest=settings.largest if request.largest is None else request.largest,
+        pool=settings.pool if request.pool is None else request.pool,
+        optimizer=request.optimizer,
+        tuning=request.tuning,
+    )
 
 
 def _oracle(

@@ -42,6 +42,19 @@ from pirlc.cli.settings import settings_option
     help="Stop the search after this many tunings and simulations.",
 )  # fmt: skip
 @click.option("--max-size", type=click.IntRange(1, 1000), help="Nodes of a program, at most.")
+@click.option("--pool", type=click.IntRange(1), help="Templates tried at first (default: 160).")
+@click.option(
+    "--optimizer", type=click.Choice(["auto", "casadi", "bayes", "smt"]), default="auto", show_default=True,
+    help="Finds the parameters of a template; auto: the one that measures best.",
+)  # fmt: skip
+@click.option(
+    "--trials", type=click.IntRange(1),
+    help="Programs that `bayes` tries for a template (default: 200).",
+)  # fmt: skip
+@click.option(
+    "--tune-seconds", type=click.FloatRange(0, min_open=True),
+    help="`bayes` and `smt` stop after this long at a template.",
+)  # fmt: skip
 @click.option(
     "--episodes", type=click.IntRange(1),
     help="Unseen episodes for the evaluation at the end (default: 1000; 50 in TORCS; 1 where "

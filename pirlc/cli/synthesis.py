@@ -18,6 +18,7 @@ from pirlc.oracle.store import default_cache
 from pirlc.pipeline import SynthesisResult, synthesize
 from pirlc.report.request import OracleRequest, SynthesisRequest
 from pirlc.search.synthesis import Ending, Plan
+from pirlc.tune.how import Optimizer, Tuning
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,10 @@ class Wish:
     seconds: float | None
     calls: int | None
     max_size: int | None
+    pool: int | None
+    optimizer: str
+    trials: int | None
+    tune_seconds: float | None
     episodes: int | None
     workers: int
     no_augment: bool
@@ -62,6 +67,10 @@ def synthesize_for(session: Session, wish: Wish) -> bool:
 
 TRAIN = "train"
 """The origin of an oracle that is to be trained, even if there is one beside the sketch."""
+
+
+AUTO = "auto"
+"""The optimiser that measures best."""
 
 
 def oracle_in_words(oracle: LoadedOracle) -> str:
@@ -92,6 +101,9 @@ def _request(wish: Wish) -> SynthesisRequest:
         oracle=None if wish.no_oracle else oracle,
         seed=wish.seed,
         largest=wish.max_size,
+        pool=wish.pool,
+        optimizer=None if wish.optimizer == AUTO else Optimizer(wish.optimizer),
+        tuning=_tuning(wish),
         plan=Plan(augment=not wish.no_augment, refine=not wish.no_refine),
         calls=wish.calls,
         seconds=wish.seconds,
@@ -100,6 +112,11 @@ def _request(wish: Wish) -> SynthesisRequest:
         arguments=wish.arguments,
         trust=wish.trust,
     )
+
+
+def _tuning(wish: Wish) -> Tuning:
+    trials = Tuning.trials if wish.trials is None else wish.trials
+    return Tuning(trials=trials, seconds=wish.tune_seconds)
 
 
 _ENDINGS = {

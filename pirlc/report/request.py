@@ -11,6 +11,7 @@ from pirlc.oracle.manifest import Json
 from pirlc.search.settings import Settings
 from pirlc.search.synthesis import Plan
 from pirlc.source import SourceText
+from pirlc.tune.how import Optimizer, Tuning
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,8 @@ class OracleRequest:
 class SynthesisRequest:
     """What `pirlc synth` was asked for.
 
-    `settings` None takes those that suit the environment, with `seed` and, where it is given,
-    `largest`. `oracle` None searches by return alone. `calls` and `seconds` bound the search.
+    `settings` None takes those that suit the environment, with `seed`, `optimizer`, `tuning` and,
+    where they are given, `largest` and `pool`. `oracle` None searches by return alone. `calls` and `seconds` bound the search.
     `episodes` are those of the evaluation at the end (None: as many as suit the environment);
     `cache` is where trained oracles are kept. `arguments` of the environment take the place of the
     sketch's.
@@ -46,6 +47,9 @@ class SynthesisRequest:
     settings: Settings | None = None
     seed: int = 0
     largest: int | None = None
+    pool: int | None = None
+    optimizer: Optimizer | None = None
+    tuning: Tuning = field(default_factory=Tuning)
     plan: Plan = field(default_factory=Plan)
     calls: int | None = None
     seconds: float | None = None

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from pirlc.search.candidate import Candidate
+from pirlc.tune.how import Optimizer, Tuning
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,8 @@ class Settings:
         climb_episodes: the episodes of each program of a generation: few, for many noisy
             generations get further than few exact ones.
         climb_step: the first step of the refinement, in the natural scales of the parameters.
+        optimizer: finds the parameters of a template; None: the one that measures best.
+        tuning: how long it may look.
     """
 
     seed: int = 0
@@ -48,6 +51,8 @@ class Settings:
     refine_episodes: int = 40_000
     climb_episodes: int = 10
     climb_step: float = 0.3
+    optimizer: Optimizer | None = None
+    tuning: Tuning = Tuning()
 
 
 def default_settings(*, actions: int = 1, native: bool = False) -> Settings:
