@@ -44,7 +44,8 @@ from pirlc.cli.settings import settings_option
 @click.option("--max-size", type=click.IntRange(1, 1000), help="Nodes of a program, at most.")
 @click.option("--pool", type=click.IntRange(1), help="Templates tried at first (default: 160).")
 @click.option(
-    "--optimizer", type=click.Choice(["auto", "casadi", "bayes", "smt"]), default="auto", show_default=True,
+    "--optimizer", type=click.Choice(["auto", "casadi", "bayes", "smt"]), default="auto",
+    show_default=True,
     help="Finds the parameters of a template; auto: the one that measures best.",
 )  # fmt: skip
 @click.option(

@@ -34,10 +34,10 @@ class SynthesisRequest:
     """What `pirlc synth` was asked for.
 
     `settings` None takes those that suit the environment, with `seed`, `optimizer`, `tuning` and,
-    where they are given, `largest` and `pool`. `oracle` None searches by return alone. `calls` and `seconds` bound the search.
-    `episodes` are those of the evaluation at the end (None: as many as suit the environment);
-    `cache` is where trained oracles are kept. `arguments` of the environment take the place of the
-    sketch's.
+    where they are given, `largest` and `pool`. `oracle` None searches by return alone. `calls` and
+    `seconds` bound the search. `episodes` are those of the evaluation at the end (None: as many as
+    suit the environment); `cache` is where trained oracles are kept. `arguments` of the environment
+    take the place of the sketch's.
     """
 
     source: SourceText

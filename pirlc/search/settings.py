@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from pirlc.search.candidate import Candidate
 from pirlc.tune.how import Optimizer, Tuning
@@ -52,7 +52,7 @@ class Settings:
     climb_episodes: int = 10
     climb_step: float = 0.3
     optimizer: Optimizer | None = None
-    tuning: Tuning = Tuning()
+    tuning: Tuning = field(default_factory=Tuning)
 
 
 def default_settings(*, actions: int = 1, native: bool = False) -> Settings:
