@@ -1,0 +1,1 @@
+"""What people would use today in place of pirlc, on the same oracles, episodes and seeds."""
