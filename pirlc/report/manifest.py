@@ -15,7 +15,7 @@ from pirlc.ir.printer import program_text
 from pirlc.oracle.load import LoadedOracle
 from pirlc.oracle.manifest import environment_as_json, to_json
 from pirlc.report.request import SynthesisRequest
-from pirlc.search.candidate import as_entry
+from pirlc.search.candidate import Candidate, as_entry
 from pirlc.search.context import FIRST_EVALUATION_SEED
 from pirlc.search.settings import Settings
 from pirlc.search.synthesis import Ending, Found
@@ -64,7 +64,7 @@ def versions() -> dict[str, str]:
 
 
 def provenance(
-    request: SynthesisRequest, seed: int, oracle: LoadedOracle | None, found: Found
+    request: SynthesisRequest, seed: int, oracle: LoadedOracle | None, program: Candidate
 ) -> tuple[str, ...]:
     """The comment at the head of a synthesised program."""
     if oracle is None:
@@ -76,7 +76,7 @@ def provenance(
     digest = sha256(request.source.text.encode()).hexdigest()
     return (
         f"Synthesised by pirlc {pirlc.__version__} {by}, seed {seed}.",
-        f"{found.program.size} nodes. Sketch (SHA-256): {digest}",
+        f"{program.size} nodes. Sketch (SHA-256): {digest}",
         "The numbers may be changed here or overridden in emitted code.",
     )
 
@@ -88,8 +88,10 @@ def results_of(
     spent: Spent,
     oracle: LoadedOracle | None,
     returns: Mapping[str, ReturnEstimate],
+    picked: int | None = None,
 ) -> dict[str, Any]:
-    """The part of the manifest that is known at the end."""
+    """The part of the manifest that is known at the end. `picked`: the program's number on the
+    front, where the user chose it."""
     text = program_text(found.program.program)
     return {
         "state": ending.value,
@@ -98,6 +100,7 @@ def results_of(
         "calls_of_search": spent.calls,
         "seconds_of_search": round(spent.seconds, 1),
         "oracle": to_json(oracle.manifest) if oracle and oracle.manifest else None,
+        "picked": picked,
         "oracle_from": None if oracle is None else oracle.origin,
         "program": {
             "size": found.program.size,
@@ -105,7 +108,11 @@ def results_of(
             "text": text,
             **{k: v for k, v in as_entry(found.program, "result").items() if k != "size"},
         },
-        "imitated": found.imitated and as_entry(found.imitated, "Algorithm 1"),
+        "imitated": found.imitated
+        and {
+            **as_entry(found.imitated, "Algorithm 1"),
+            "text": program_text(found.imitated.program),
+        },
         "evaluation": {
             "first_seed": FIRST_EVALUATION_SEED,
             "returns": {name: asdict(estimate) for name, estimate in returns.items()},
