@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from pirlc.backend.emit import emit
 from pirlc.backend.files import not_writable, write, write_text
@@ -29,6 +30,7 @@ from pirlc.oracle.train import plan as plan_training
 from pirlc.oracle.train import train_or_load
 from pirlc.oracle.training import Progress as TrainingProgress
 from pirlc.report.dossier import STAGES, Dossier, write_dossier
+from pirlc.report.front import front_data, pick, write_front
 from pirlc.report.manifest import Spent, asked_of, provenance, results_of
 from pirlc.report.plots import plot_search
 from pirlc.report.problems import NoSimulator, NothingFound, NothingSoSmall, error
@@ -37,6 +39,7 @@ from pirlc.report.run import Run, open_run
 from pirlc.search.candidate import Candidate, as_entry
 from pirlc.search.context import FIRST_EVALUATION_SEED, Search
 from pirlc.search.enumeration import Enumeration
+from pirlc.search.front import Front, find_front
 from pirlc.search.journal import Budget, Journal
 from pirlc.search.settings import Settings, Tell, default_settings
 from pirlc.search.synthesis import Ending, Found, Plan, find_program
@@ -57,7 +60,8 @@ class SynthesisResult:
 
     `returns` are over the same unseen episodes: of the `program`, of the `emitted C`, of the
     `oracle`, and of Algorithm 1's own result `without refinement`; empty if interrupted, as there
-    is no `dossier` then.
+    is no `dossier` then. `front` is what `report.front` says of the programs to choose from; None
+    if the search was interrupted before there was one.
     """
 
     program: Program
@@ -65,6 +69,7 @@ class SynthesisResult:
     files: tuple[Path, ...]
     returns: Mapping[str, ReturnEstimate]
     dossier: Dossier | None
+    front: Mapping[str, Any] | None
     ending: Ending
     search_seconds: float
     warnings: tuple[Diagnostic, ...]
@@ -123,14 +128,19 @@ def synthesize(
         )
         if found is None:
             raise error(NothingFound())
+        head = partial(provenance, request, settings.seed, oracle)
+        front, found = _front(search, found)
+        table = front_data(front, request.pick, deterministic=known.deterministic)
+        front_files = write_front(run.folder, table, front, head)
+        found, picked = pick(found, front, request.pick)
         program = found.program.program
-        text = program_text(program, provenance(request, settings.seed, oracle, found))
+        text = program_text(program, head(found.program))
         program_file = write_text(run.folder / f"{sketch.interface.name}.pirl", text)
         files = _emit(program, run)
         returns, ending = _evaluate(request.plan, episodes, run, search, found, oracle)
         plot = run.folder / "search.png"
         plot_search(search.met, program.size, returns.get("program"), returns.get("oracle"), plot)
-        results = partial(results_of, environment, found, spent=spent, oracle=oracle)
+        results = partial(results_of, environment, found, spent=spent, oracle=oracle, picked=picked)
         run.write_manifest(results(ending=ending, returns=returns))
         dossier, ending = _dossier(run, search, program, oracle, ending)
     if ending is Ending.INTERRUPTED:
@@ -138,9 +148,10 @@ def synthesize(
     return SynthesisResult(
         program=program,
         program_file=program_file,
-        files=(*files, plot, *(dossier.files if dossier else ())),
+        files=(*files, *front_files, plot, *(dossier.files if dossier else ())),
         returns=returns,
         dossier=dossier,
+        front=table,
         ending=ending,
         search_seconds=spent.seconds,
         warnings=(*warnings, *misfits),
@@ -226,6 +237,17 @@ def _recorder(place: Path) -> Iterator[Callable[[str, Candidate], None]]:
             file.close()
 
 
+def _front(search: Search, found: Found) -> tuple[Front | None, Found]:
+    """The programs to choose from; an interrupted search has none."""
+    if found.ending is Ending.INTERRUPTED:
+        return None, found
+    search.journal.lift_budget()
+    try:
+        return find_front(search, found.program), found
+    except KeyboardInterrupt:
+        return None, replace(found, ending=Ending.INTERRUPTED)
+
+
 def _emit(program: Program, run: Run) -> tuple[Path, ...]:
     """Raises `PirlcError` (E0915), the C not written, where that is not shown to be the program."""
     paths: list[Path] = []
@@ -248,25 +270,30 @@ def _evaluate(
     if found.ending is Ending.INTERRUPTED:
         return {}, found.ending
     program = found.program.program
-    subjects: dict[str, PolicyFactory] = {
-        "program": partial(InterpretedPolicy, program),
-        "emitted C": c_controller(program, run.folder / "c" / "build"),
+    text = program_text(program)
+    subjects: dict[str, tuple[PolicyFactory, str]] = {
+        "program": (partial(InterpretedPolicy, program), text),
+        "emitted C": (c_controller(program, run.folder / "c" / "build"), text),
     }
     if oracle is not None:
-        subjects["oracle"] = Ready(oracle.oracle)
+        subjects["oracle"] = (
+            Ready(oracle.oracle),
+            (f"{oracle.origin} {text}" if oracle.manifest is None else oracle.manifest.sha256),
+        )
     imitated = found.imitated
     if imitated is not None and plan.refine:
-        subjects["without refinement"] = search.policy(
-            imitated.expansion.template, dict(imitated.values)
+        subjects["without refinement"] = (
+            search.policy(imitated.expansion.template, dict(imitated.values)),
+            program_text(imitated.program),
         )
     count = search.episodes(episodes)
     seeds = range(FIRST_EVALUATION_SEED, FIRST_EVALUATION_SEED + count)
     returns: dict[str, ReturnEstimate] = {}
     search.journal.lift_budget()
     try:
-        for number, (name, subject) in enumerate(subjects.items()):
+        for number, (name, (subject, what)) in enumerate(subjects.items()):
             search.progress(f"evaluate ({name})", number, len(subjects))
-            rewards = search.evaluate(name, subject, program_text(program), seeds)
+            rewards = search.evaluate(name, subject, what, seeds)
             returns[name] = estimate(rewards, deterministic=search.deterministic)
     except KeyboardInterrupt:
         return returns, Ending.INTERRUPTED

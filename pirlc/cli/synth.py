@@ -64,6 +64,11 @@ from pirlc.cli.settings import settings_option
 @click.option(
     "--workers", type=click.IntRange(1, 1024), help="Processes to use (default: one a core)."
 )
+@click.option(
+    "--pick", type=click.IntRange(1), metavar="N",
+    help="Take program N of the front (a shorter one for a little return) in place of the "
+    "search's own; also of a run that has ended, where nothing is searched again.",
+)  # fmt: skip
 @click.option("--no-augment", is_flag=True, help="Tune on the oracle's own histories alone.")
 @click.option("--no-refine", is_flag=True, help="Leave out the refinement on simulated return.")
 @argument_option

@@ -16,6 +16,7 @@ from pirlc.oracle.load import LoadedOracle
 from pirlc.oracle.manifest import Json
 from pirlc.oracle.store import default_cache
 from pirlc.pipeline import SynthesisResult, synthesize
+from pirlc.report.front import table
 from pirlc.report.request import OracleRequest, SynthesisRequest
 from pirlc.search.synthesis import Ending, Plan
 from pirlc.tune.how import Optimizer, Tuning
@@ -47,6 +48,7 @@ class Wish:
     no_refine: bool
     arguments: Arguments
     trust: bool
+    pick: int | None
 
 
 def synthesize_for(session: Session, wish: Wish) -> bool:
@@ -111,6 +113,7 @@ def _request(wish: Wish) -> SynthesisRequest:
         workers=wish.workers,
         arguments=wish.arguments,
         trust=wish.trust,
+        pick=wish.pick,
     )
 
 
@@ -152,9 +155,28 @@ def _in_words(result: SynthesisResult, folder: Path) -> str:
     if result.dossier is not None:
         took = f"(proofs, analysis and page: {result.dossier.seconds:.1f} s)"
         lines += [*result.dossier.verdict, took, ""]
+    lines += [*_front_in_words(result), ""]
     lines.append(f"in {folder}")
     lines += [f"  {_under(path, folder)}" for path in (result.program_file, *result.files)]
     return "\n".join(lines)
+
+
+def _front_in_words(result: SynthesisResult) -> list[str]:
+    front = result.front
+    if front is None:
+        return ["no front to pick from: an interrupted search has none"]
+    marks = {front["chosen"]: "the search's own"}
+    if front["picked"] is not None:
+        marks[front["picked"]] = "picked"
+    episodes = front["episodes"]
+    over = "the one episode" if episodes == 1 else f"{episodes:,} episodes"
+    lines = [f"to choose from (over {over} of the front's own; `--pick N` takes another)"]
+    lines += [f"  {line}" for line in table(front["members"], marks)]
+    if front["outside"] is not None:
+        mean = number(front["outside"]["return"]["mean"])
+        size = front["outside"]["size"]
+        lines.append(f"  the search's own ({size} nodes) earns {mean} there: not more than these")
+    return lines
 
 
 def _under(path: Path, folder: Path) -> Path:
@@ -169,6 +191,7 @@ def _as_data(result: SynthesisResult, folder: Path) -> dict[str, object]:
         "program": program_text(result.program),
         "size": result.program.size,
         "returns": {name: estimate_data(found) for name, found in result.returns.items()},
+        "front": result.front,
         "oracle": None if result.oracle is None else result.oracle.origin,
         "dossier_seconds": None if result.dossier is None else round(result.dossier.seconds, 1),
         "verdict": None if result.dossier is None else list(result.dossier.verdict),

@@ -1,5 +1,5 @@
 """The mistakes about run folders and what a search is asked for (codes E0721 to E0726), and
-about run folders that a page is to be made of (E0740, E0741)."""
+about run folders that a page is to be made of (E0740, E0741); and about the front (E0745)."""
 
 from __future__ import annotations
 
@@ -68,6 +68,18 @@ class DamagedFile:
     reason: str
 
 
+@dataclass(frozen=True)
+class NotOnTheFront:
+    """A program is picked by a number that the front does not have; `table` shows the front."""
+
+    wanted: int
+    table: tuple[str, ...]
+
+    @property
+    def members(self) -> int:
+        return len(self.table) - 1
+
+
 Problem = (
     NoSimulator
     | ForeignFolder
@@ -77,6 +89,7 @@ Problem = (
     | NothingSoSmall
     | NoRun
     | DamagedFile
+    | NotOnTheFront
 )
 
 
@@ -137,6 +150,16 @@ def describe(problem: Problem) -> Diagnostic:
                 f"the run's file `{file}` cannot be used: {reason}",
                 help="repeat the run's command, which makes the file again; or move the file away, "
                 "and the page says that it is missing",
+            )
+        case NotOnTheFront(wanted, table):
+            count = problem.members
+            have = "one program" if count == 1 else f"{count} programs, numbered from 1"
+            return Diagnostic(
+                "E0745",
+                f"there is no program {wanted} to pick: the front has {have}",
+                notes=table,
+                help="the same command with another `--pick` takes another one; the search is not "
+                "done again",
             )
         case _:
             assert_never(problem)

@@ -37,7 +37,8 @@ class SynthesisRequest:
     where they are given, `largest` and `pool`. `oracle` None searches by return alone. `calls` and
     `seconds` bound the search. `episodes` are those of the evaluation at the end (None: as many as
     suit the environment); `cache` is where trained oracles are kept. `arguments` of the environment
-    take the place of the sketch's.
+    take the place of the sketch's. `pick` takes the program of this number on the front (counted
+    from 1) in place of the search's own.
     """
 
     source: SourceText
@@ -57,3 +58,4 @@ class SynthesisRequest:
     workers: int = 2
     arguments: tuple[tuple[str, Scalar], ...] = ()
     trust: bool = False
+    pick: int | None = None

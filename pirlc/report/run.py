@@ -7,6 +7,7 @@
     DIR/journal.jsonl       every tuning and simulation of the search; what resuming reads
     DIR/candidates.jsonl    every program met: size, distance, return, parameters, choices
     DIR/<name>.pirl         the program
+    DIR/front.json          the programs to choose from, with what each loses; DIR/front/<k>.pirl
     DIR/c/, DIR/python/     the controllers made from it
     DIR/search.png          return against size over the search
     DIR/traces.json         the program beside the oracle over one unseen episode

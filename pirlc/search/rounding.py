@@ -12,7 +12,7 @@ from pirlc.search.context import Search
 _PURPOSE, _EPISODES = "round", 3
 """The seeds of these episodes, and how many, in units of `Settings.episodes`."""
 
-_LOSS = 0.002
+KEPT = 0.002
 """How much of the mean return, relative to its size, rounding may cost."""
 
 _DIGITS = (1, 2, 3, 4, 6, 9)
@@ -28,10 +28,10 @@ def round_constants(search: Search, program: Candidate) -> Candidate:
         return program
     search.progress("round constants", 0, 1)
     exact = dict(program.values)
-    choices = [{n: _rounded(program, n, v, d) for n, v in exact.items()} for d in _DIGITS]
+    choices = [dict(coarser(program, digits).values) for digits in _DIGITS]
     ladder = [*choices, exact]
     means = _means(search, program, ladder)
-    enough = means[-1] - _LOSS * abs(means[-1])
+    enough = means[-1] - KEPT * abs(means[-1])
     best = next(i for i, mean in enumerate(means) if mean >= enough)
     chosen = ladder[best]
     if 0 < best < len(choices):
@@ -47,6 +47,12 @@ def round_constants(search: Search, program: Candidate) -> Candidate:
             chosen = together
     rounded = replace(program, values=tuple(sorted(chosen.items())), returns=None)
     return search.simulate([rounded], _PURPOSE, _EPISODES * search.settings.episodes)[0]
+
+
+def coarser(program: Candidate, digits: int) -> Candidate:
+    """The program with all its parameters rounded to so many significant digits, not simulated."""
+    values = tuple((name, _rounded(program, name, value, digits)) for name, value in program.values)
+    return replace(program, values=values, returns=None)
 
 
 def _means(search: Search, program: Candidate, values: list[dict[str, float]]) -> list[float]:
