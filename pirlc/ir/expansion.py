@@ -33,6 +33,7 @@ from pirlc.ir.terms import (
     RuleCall,
     SensorRef,
     Term,
+    bound,
     subterms,
     type_of,
 )
@@ -159,7 +160,7 @@ class _Names:
             *(a.name for a in interface.actions),
             *(p.name for p in sketch.parameters),
             *(r.name for r in sketch.rules),
-            *(name for p in sketch.properties for name in _bound(p.body)),
+            *(name for p in sketch.properties for name in bound(p.body)),
         }
 
     def start_action(self, name: str) -> None:
@@ -198,19 +199,6 @@ def _unused(wish: str, taken: set[str]) -> str:
 def _numbered(wish: str, number: int) -> str:
     suffix = f"_{number}"
     return wish[: NAME_LIMIT - len(suffix)] + suffix
-
-
-def _bound(term: Term) -> Iterator[str]:
-    """The local names that a term binds."""
-    for sub in subterms(term):
-        match sub:
-            case Let(name):
-                yield name
-            case FoldLambda(element, accumulator):
-                yield element
-                yield accumulator
-            case _:
-                pass
 
 
 @dataclass(frozen=True)

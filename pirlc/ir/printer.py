@@ -1,14 +1,16 @@
-"""Programs and program templates as .pirl text that reads back as an equal value."""
+"""Sketches, program templates and programs as .pirl text that reads back as an equal value."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import assert_never
 
 from pirlc.ir import layout, terms
 from pirlc.ir.layout import Piece, number_text, word
 from pirlc.ir.operators import SIGNATURES, Notation
 from pirlc.ir.policy import (
+    DEFAULT_BOUNDS,
     ActionSpec,
     Choice,
     Continuous,
@@ -24,27 +26,70 @@ from pirlc.ir.policy import (
     Property,
     Scalar,
     Sensor,
+    Sketch,
     Zero,
 )
-from pirlc.ir.terms import Term
+from pirlc.ir.terms import Term, bound, transform
 
 
 def program_text(program: Program | ProgramTemplate, header: tuple[str, ...] = ()) -> str:
     """The file of a program; `header` are the lines of a comment before it, without their `#`."""
-    interface = program.interface
+    return _file(program, program.bodies, [], header)
+
+
+def sketch_text(sketch: Sketch, header: tuple[str, ...] = ()) -> str:
+    """The file of a sketch. A rule that is used with several types is a rule for each of them."""
+    names = _rule_names(sketch)
+
+    def renamed(term: Term) -> Term:
+        return replace(term, rule=names[term.rule]) if isinstance(term, terms.RuleCall) else term
+
+    rules = []
+    for rule in sketch.rules:
+        arguments = ", ".join(name for name, _ in rule.parameters)
+        head = f"rule {names[rule.key]}" + (f"({arguments})" if arguments else "")
+        alternatives = [piece(transform(a, renamed)) for a in rule.alternatives]
+        rules.append([layout.render(layout.definition(head, alternatives))])
+    return _file(sketch, tuple(transform(b, renamed) for b in sketch.bodies), rules, header)
+
+
+def _rule_names(sketch: Sketch) -> dict[str, str]:
+    """A name of its own for each rule, by its key."""
+    interface = sketch.interface
+    taken = {rule.name for rule in sketch.rules}
+    taken.update(name for rule in sketch.rules for name, _ in rule.parameters)
+    taken.update(x.name for x in (*interface.sensors, *interface.actions, *sketch.parameters))
+    bodies = [*sketch.bodies, *(a for rule in sketch.rules for a in rule.alternatives)]
+    taken.update(n for b in (*bodies, *(p.body for p in sketch.properties)) for n in bound(b))
+    names: dict[str, str] = {}
+    for rule in sketch.rules:
+        name, number = rule.name, 2
+        while rule.key != rule.name and name in taken:
+            name, number = f"{rule.name}_{number}", number + 1
+        names[rule.key] = name
+        taken.add(name)
+    return names
+
+
+def _file(
+    policy: Sketch | Program | ProgramTemplate,
+    bodies: tuple[Term, ...],
+    rules: list[list[str]],
+    header: tuple[str, ...],
+) -> str:
+    interface = policy.interface
     groups = [
         [f"# {line}".rstrip() for line in header],
         [f"policy {interface.name}"],
         [environment_text(interface.environment)] if interface.environment else [],
-        [*sensor_texts(interface.sensors), *_settings(interface)],
-        [*map(parameter_text, program.parameters)],
+        [*sensor_texts(interface.sensors), *setting_texts(interface)],
+        [*map(parameter_text, policy.parameters)],
         [
             layout.render(layout.definition(action_head(action, position), [piece(body)]))
-            for position, (action, body) in enumerate(
-                zip(interface.actions, program.bodies, strict=True)
-            )
+            for position, (action, body) in enumerate(zip(interface.actions, bodies, strict=True))
         ],
-        [*map(property_text, program.properties)],
+        *rules,
+        [*map(property_text, policy.properties)],
     ]
     return "\n\n".join("\n".join(group) for group in groups if group) + "\n"
 
@@ -111,7 +156,8 @@ def _missing_text(sensor: Sensor) -> str:
             assert_never(sensor.missing)
 
 
-def _settings(interface: Interface) -> list[str]:
+def setting_texts(interface: Interface) -> list[str]:
+    """The window, and what else says when a policy reads."""
     lines = [f"window {interface.window}"]
     if interface.sample_time is not None:
         lines.append(f"sample_time {number_text(interface.sample_time)}")
@@ -200,5 +246,7 @@ def piece(term: Term) -> Piece:
 
 
 def _hole_text(hole: terms.Hole) -> str:
+    bounds = (hole.lower, hole.upper)
+    within = "" if bounds == DEFAULT_BOUNDS else f" in {range_text(*bounds)}"
     start = "" if hole.guess is None else f" = {number_text(hole.guess)}"
-    return f"?({hole.name} in {range_text(hole.lower, hole.upper)}{start})"
+    return f"?({hole.name}{within}{start})" if within or start else f"?{hole.name}"

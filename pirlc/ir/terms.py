@@ -264,6 +264,19 @@ def subterms(term: Term) -> Iterator[Term]:
         yield from subterms(child)
 
 
+def bound(term: Term) -> Iterator[str]:
+    """The local names that a term binds."""
+    for sub in subterms(term):
+        match sub:
+            case Let(name):
+                yield name
+            case FoldLambda(element, accumulator):
+                yield element
+                yield accumulator
+            case _:
+                pass
+
+
 def type_of(term: Term) -> Type:
     """The type of a well-typed term."""
     match term:
