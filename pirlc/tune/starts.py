@@ -24,10 +24,12 @@ Vector = NDArray[np.float64]
 @dataclass(frozen=True, eq=False)
 class Coordinates:
     """`scale` (P,): parameters are `scale * x`. `offsets`: for a guard's number the parameter that
-    shifts it by the same amount everywhere."""
+    shifts it by the same amount everywhere. `guarding` (P,): which parameters move a guard; the
+    others' scale is not measured."""
 
     scale: Vector
     offsets: dict[int, int]
+    guarding: NDArray[np.bool_]
 
 
 def coordinates(problem: TuningProblem, objective: SmoothedObjective) -> Coordinates:
@@ -37,6 +39,7 @@ def coordinates(problem: TuningProblem, objective: SmoothedObjective) -> Coordin
     base = objective.margins(zero)
     fixed = np.nan_to_num(base.std(axis=1)) if base.size else np.zeros(len(base))
     scale = np.ones(count)
+    guarding = np.zeros(count, dtype=np.bool_)
     offsets: dict[int, int] = {}
     for j in range(count):
         unit = zero.copy()
@@ -47,12 +50,13 @@ def coordinates(problem: TuningProblem, objective: SmoothedObjective) -> Coordin
         size = np.sqrt((moved**2).mean(axis=1))
         guard = int(np.argmax(size))
         if size[guard] > 0.0:
+            guarding[j] = True
             scale[j] = (fixed[guard] or 1.0) / size[guard]
             if moved[guard].std() <= 1e-9 * size[guard]:
                 offsets.setdefault(guard, j)
     # A parameter whose bounds leave one value has a scale too: others are divided by it.
     half = np.maximum(problem.upper / 2 - problem.lower / 2, 1e-6)
-    return Coordinates(np.clip(scale, 1e-6, half), offsets)
+    return Coordinates(np.clip(scale, 1e-6, half), offsets, guarding)
 
 
 def starts(
