@@ -22,6 +22,7 @@ from pirlc.backend.policies import c_controller
 from pirlc.backend.toolchain import find_compiler
 from pirlc.diagnostics import Diagnostic, PirlcError, Severity
 from pirlc.frontend import check
+from pirlc.frontend.ablations import without_if, without_sketch
 from pirlc.ir.policy import Environment, Program, Sketch
 from pirlc.ir.printer import program_text
 from pirlc.oracle.load import LoadedOracle, load
@@ -31,11 +32,11 @@ from pirlc.oracle.train import train_or_load
 from pirlc.oracle.training import Progress as TrainingProgress
 from pirlc.report.dossier import STAGES, Dossier, write_dossier
 from pirlc.report.front import front_data, pick, write_front
-from pirlc.report.manifest import Spent, asked_of, provenance, results_of
+from pirlc.report.manifest import Spent, asked_of, circumstances, provenance, results_of
 from pirlc.report.plots import plot_search
-from pirlc.report.problems import NoSimulator, NothingFound, NothingSoSmall, error
+from pirlc.report.problems import NoSimulator, NothingSoSmall, error
 from pirlc.report.request import SynthesisRequest
-from pirlc.report.run import Run, open_run
+from pirlc.report.run import GIVEN, SKETCH, Run, open_run
 from pirlc.search.candidate import Candidate, as_entry
 from pirlc.search.context import FIRST_EVALUATION_SEED, Search
 from pirlc.search.enumeration import Enumeration
@@ -47,6 +48,7 @@ from pirlc.semantics.policies import InterpretedPolicy
 from pirlc.simulation.environments import EnvironmentFacts, check_interface, facts
 from pirlc.simulation.policy import PolicyFactory, Ready
 from pirlc.simulation.rollout import ReturnEstimate, estimate
+from pirlc.source import SourceText
 from pirlc.verify.emitted.gate import compared
 
 _EPISODES, _COSTLY_EPISODES = 1000, 50
@@ -76,13 +78,22 @@ class SynthesisResult:
     oracle: LoadedOracle | None
 
 
+@dataclass(frozen=True)
+class NoResult:
+    """A search that ended before it had any program: by `TIMEOUT`, or `INTERRUPTED`."""
+
+    ending: Ending
+    search_seconds: float
+    oracle: LoadedOracle | None
+
+
 def synthesize(
     request: SynthesisRequest,
     tell: Tell,
     tell_training: Callable[[TrainingProgress], None],
     tell_warnings: Callable[[tuple[Diagnostic, ...]], None] = lambda _: None,
     tell_oracle: Callable[[LoadedOracle], None] = lambda _: None,
-) -> SynthesisResult:
+) -> SynthesisResult | NoResult:
     """The whole of `pirlc synth`. Raises PirlcError for whatever is wrong with the input.
 
     Warnings and the oracle are told as soon as they are known, before the search.
@@ -93,14 +104,18 @@ def synthesize(
     misfits = check_interface(sketch.interface, known, request.source)
     if any(found.severity is Severity.ERROR for found in misfits):
         raise PirlcError(misfits)
+    source, sketch, remarks = _searched(request, sketch)
+    warnings = (*warnings, *misfits, *remarks)
     settings = _settings(sketch, request, known)
     episodes = request.episodes or (_COSTLY_EPISODES if known.native else _EPISODES)
     if not any(map(Enumeration(sketch).count, range(1, settings.largest + 1))):
         raise error(NothingSoSmall(settings.largest))
     find_compiler()  # A missing one is told before the search, not after it.
-    tell_warnings((*warnings, *misfits))
+    tell_warnings(warnings)
     run = open_run(request.folder, asked_of(request, settings, episodes))
-    write_text(run.folder / "sketch.pirl", request.source.text)
+    write_text(run.folder / SKETCH, source.text)
+    if source is not request.source:
+        write_text(run.folder / GIVEN, request.source.text)
     oracle = _oracle(request, environment, known, settings.seed, tell_training)
     if oracle is not None:
         tell_oracle(oracle)
@@ -126,8 +141,9 @@ def synthesize(
             journal.used if journal.stopped_at is None else journal.stopped_at,
             journal.budget.elapsed,
         )
-        if found is None:
-            raise error(NothingFound())
+        if isinstance(found, Ending):
+            run.write_manifest(circumstances(environment, found, spent, oracle))
+            return NoResult(found, spent.seconds, oracle)
         head = partial(provenance, request, settings.seed, oracle)
         front, found = _front(search, found)
         table = front_data(front, request.pick, deterministic=known.deterministic)
@@ -154,7 +170,7 @@ def synthesize(
         front=table,
         ending=ending,
         search_seconds=spent.seconds,
-        warnings=(*warnings, *misfits),
+        warnings=warnings,
         oracle=oracle,
     )
 
@@ -165,6 +181,21 @@ def _environment(sketch: Sketch, request: SynthesisRequest) -> tuple[Environment
         raise error(NoSimulator(request.source.name))
     environment = environment.with_arguments(request.arguments)
     return environment, facts(environment, request.trust)
+
+
+def _searched(
+    request: SynthesisRequest, sketch: Sketch
+) -> tuple[SourceText, Sketch, tuple[Diagnostic, ...]]:
+    """The sketch that is searched, as text and as read, with remarks: the one that was given, but
+    for the paper's ablations."""
+    source, remarks = request.source, tuple[Diagnostic, ...]()
+    if not request.plan.sketch:
+        source = without_sketch(source, sketch)
+        sketch, _ = check(source)
+    if not request.plan.branches:
+        source, remarks = without_if(source, sketch)
+        sketch, _ = check(source)
+    return source, sketch, remarks
 
 
 def _settings(sketch: Sketch, request: SynthesisRequest, known: EnvironmentFacts) -> Settings:

@@ -15,7 +15,7 @@ from pirlc.cli.problems import OutOfMemory, SystemRefused, describe
 from pirlc.cli.session import Session
 from pirlc.diagnostics import PirlcError, render
 
-REFUSED, USAGE, FAULT, INTERRUPTED = 1, 2, 70, 130
+REFUSED, USAGE, TIMEOUT, FAULT, INTERRUPTED = 1, 2, 3, 70, 130
 
 
 def guarded(run: Callable[[], int], session: Session) -> int:

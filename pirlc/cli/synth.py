@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from pirlc.cli.arguments import argument_option
-from pirlc.cli.guard import INTERRUPTED
+from pirlc.cli.guard import INTERRUPTED, TIMEOUT
 from pirlc.cli.machine import cores
 from pirlc.cli.session import Session, json_option, pass_session
 from pirlc.cli.settings import settings_option
@@ -70,6 +70,11 @@ from pirlc.cli.settings import settings_option
     "search's own; also of a run that has ended, where nothing is searched again.",
 )  # fmt: skip
 @click.option("--no-augment", is_flag=True, help="Tune on the oracle's own histories alone.")
+@click.option(
+    "--no-sketch", is_flag=True,
+    help="Search the language's own grammar over the sketch's sensors and actions.",
+)  # fmt: skip
+@click.option("--no-if", is_flag=True, help="Search only the programs that have no `if`.")
 @click.option("--no-refine", is_flag=True, help="Leave out the refinement on simulated return.")
 @argument_option
 @click.option("--trust", is_flag=True, help="Let environments and oracles run their own code.")
@@ -82,6 +87,7 @@ def command(session: Session, /, sketch: str, workers: int | None, **options: An
     best is refined and evaluated. Ctrl-C ends the search with the best program so far.
     """
     from pirlc.cli.synthesis import TRAIN, Wish, synthesize_for
+    from pirlc.search.synthesis import Ending
 
     wish = Wish(sketch=sketch, workers=workers or cores(), **options)
     training = (wish.algorithm, wish.oracle_steps, wish.oracle_seed, wish.settings or None)
@@ -90,5 +96,14 @@ def command(session: Session, /, sketch: str, workers: int | None, **options: An
         raise click.UsageError("options of the training make no sense without a training.")
     if wish.origin and wish.no_oracle:
         raise click.UsageError("--oracle and --no-oracle exclude each other.")
-    interrupted = synthesize_for(session, wish)
-    return INTERRUPTED if interrupted else 0
+    if wish.no_oracle and wish.no_augment:
+        raise click.UsageError(
+            "--no-augment makes no sense with --no-oracle: nobody says what to do in new histories."
+        )
+    match synthesize_for(session, wish):
+        case Ending.INTERRUPTED:
+            return INTERRUPTED
+        case Ending.TIMEOUT:
+            return TIMEOUT
+        case _:
+            return 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from pirlc.cli.arguments import Arguments
@@ -15,8 +15,10 @@ from pirlc.ir.printer import program_text
 from pirlc.oracle.load import LoadedOracle
 from pirlc.oracle.manifest import Json
 from pirlc.oracle.store import default_cache
-from pirlc.pipeline import SynthesisResult, synthesize
+from pirlc.pipeline import NoResult, SynthesisResult, synthesize
 from pirlc.report.front import table
+from pirlc.report.manifest import left_out
+from pirlc.report.problems import NothingFound, describe
 from pirlc.report.request import OracleRequest, SynthesisRequest
 from pirlc.search.synthesis import Ending, Plan
 from pirlc.tune.how import Optimizer, Tuning
@@ -45,14 +47,16 @@ class Wish:
     episodes: int | None
     workers: int
     no_augment: bool
+    no_sketch: bool
+    no_if: bool
     no_refine: bool
     arguments: Arguments
     trust: bool
     pick: int | None
 
 
-def synthesize_for(session: Session, wish: Wish) -> bool:
-    """Run the synthesis and tell its result; whether it was interrupted."""
+def synthesize_for(session: Session, wish: Wish) -> Ending:
+    """Run the synthesis and tell its result; why it ended."""
     request = _request(wish)
     with watching() as watcher:
         result = synthesize(
@@ -62,9 +66,26 @@ def synthesize_for(session: Session, wish: Wish) -> bool:
             session.tell,
             lambda oracle: session.note(oracle_in_words(oracle)),
         )
-    session.say(_in_words(result, wish.folder))
-    session.finish(_as_data(result, wish.folder))
-    return result.ending is Ending.INTERRUPTED
+    match result:
+        case SynthesisResult():
+            session.say(_in_words(result, wish.folder))
+            found = _as_data(result)
+        case NoResult():
+            session.tell([describe(NothingFound(result.ending is Ending.INTERRUPTED))])
+            found = dict.fromkeys(("program", "size", "front", "dossier_seconds", "verdict"))
+            found |= {"returns": {}, "files": []}
+    session.finish(
+        {
+            "ending": result.ending.value,
+            "interrupted": result.ending is Ending.INTERRUPTED,
+            "left_out": list(left_out(request.oracle, asdict(request.plan))),
+            "search_seconds": round(result.search_seconds, 1),
+            "oracle": None if result.oracle is None else result.oracle.origin,
+            "folder": str(wish.folder),
+            **found,
+        }
+    )
+    return result.ending
 
 
 TRAIN = "train"
@@ -106,7 +127,12 @@ def _request(wish: Wish) -> SynthesisRequest:
         pool=wish.pool,
         optimizer=None if wish.optimizer == AUTO else Optimizer(wish.optimizer),
         tuning=_tuning(wish),
-        plan=Plan(augment=not wish.no_augment, refine=not wish.no_refine),
+        plan=Plan(
+            augment=not wish.no_augment,
+            refine=not wish.no_refine,
+            sketch=not wish.no_sketch,
+            branches=not wish.no_if,
+        ),
         calls=wish.calls,
         seconds=wish.seconds,
         episodes=wish.episodes,
@@ -125,6 +151,7 @@ def _tuning(wish: Wish) -> Tuning:
 _ENDINGS = {
     Ending.FINISHED: "",
     Ending.BUDGET: " (the budget was used up)",
+    Ending.TIMEOUT: " (timeout)",
     Ending.INTERRUPTED: " (interrupted; the same command goes on from here)",
 }
 
@@ -183,18 +210,13 @@ def _under(path: Path, folder: Path) -> Path:
     return path.relative_to(folder) if path.is_relative_to(folder) else path
 
 
-def _as_data(result: SynthesisResult, folder: Path) -> dict[str, object]:
+def _as_data(result: SynthesisResult) -> dict[str, object]:
     return {
-        "ending": result.ending.value,
-        "interrupted": result.ending is Ending.INTERRUPTED,
-        "search_seconds": round(result.search_seconds, 1),
         "program": program_text(result.program),
         "size": result.program.size,
         "returns": {name: estimate_data(found) for name, found in result.returns.items()},
         "front": result.front,
-        "oracle": None if result.oracle is None else result.oracle.origin,
         "dossier_seconds": None if result.dossier is None else round(result.dossier.seconds, 1),
         "verdict": None if result.dossier is None else list(result.dossier.verdict),
-        "folder": str(folder),
         "files": [str(path) for path in (result.program_file, *result.files)],
     }

@@ -56,6 +56,20 @@ def asked_of(request: SynthesisRequest, settings: Settings, episodes: int) -> di
     }
 
 
+_LEFT_OUT = {
+    "augment": "--no-augment",
+    "sketch": "--no-sketch",
+    "branches": "--no-if",
+    "refine": "--no-refine",
+}
+
+
+def left_out(oracle: object | None, plan: Mapping[str, bool]) -> tuple[str, ...]:
+    """The options by which a run goes without an oracle and without parts of a `Plan`."""
+    by_return = ("--no-oracle",) if oracle is None else ()
+    return (*by_return, *(option for part, option in _LEFT_OUT.items() if not plan.get(part, True)))
+
+
 def versions() -> dict[str, str]:
     """Of everything that a result depends on."""
     return {"pirlc": pirlc.__version__, "python": platform.python_version()} | {
@@ -74,11 +88,28 @@ def provenance(
     else:
         by = f"to imitate {oracle.manifest.algorithm} (weights {oracle.manifest.sha256[:12]})"
     digest = sha256(request.source.text.encode()).hexdigest()
+    options = " ".join(left_out(request.oracle, asdict(request.plan)))
     return (
         f"Synthesised by pirlc {pirlc.__version__} {by}, seed {seed}.",
+        *([f"With {options}."] if options else []),
         f"{program.size} nodes. Sketch (SHA-256): {digest}",
         "The numbers may be changed here or overridden in emitted code.",
     )
+
+
+def circumstances(
+    environment: Environment, ending: Ending, spent: Spent, oracle: LoadedOracle | None
+) -> dict[str, Any]:
+    """How a search went, whether it found a program or not."""
+    return {
+        "state": ending.value,
+        "versions": versions(),
+        "environment": environment_as_json(environment),
+        "calls_of_search": spent.calls,
+        "seconds_of_search": round(spent.seconds, 1),
+        "oracle": to_json(oracle.manifest) if oracle and oracle.manifest else None,
+        "oracle_from": None if oracle is None else oracle.origin,
+    }
 
 
 def results_of(
@@ -94,14 +125,8 @@ def results_of(
     front, where the user chose it."""
     text = program_text(found.program.program)
     return {
-        "state": ending.value,
-        "versions": versions(),
-        "environment": environment_as_json(environment),
-        "calls_of_search": spent.calls,
-        "seconds_of_search": round(spent.seconds, 1),
-        "oracle": to_json(oracle.manifest) if oracle and oracle.manifest else None,
+        **circumstances(environment, ending, spent, oracle),
         "picked": picked,
-        "oracle_from": None if oracle is None else oracle.origin,
         "program": {
             "size": found.program.size,
             "sha256": sha256_of(found.program.program),

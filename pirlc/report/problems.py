@@ -42,7 +42,9 @@ class DamagedRun:
 
 @dataclass(frozen=True)
 class NothingFound:
-    """A search was interrupted, or used up its budget, before it had met any program."""
+    """A search was interrupted, or else used up its budget, before it had met any program."""
+
+    interrupted: bool
 
 
 @dataclass(frozen=True)
@@ -125,11 +127,15 @@ def describe(problem: Problem) -> Diagnostic:
                 f"the manifest of the run in `{folder}` cannot be read: {reason}",
                 help="name another folder with `-o`; the journal in this one was left as it is",
             )
-        case NothingFound():
+        case NothingFound(interrupted):
             return Diagnostic(
                 "E0725",
-                "the search ended before it had a program",
-                help="the same command goes on from here; `--time` or `--budget` may be too small",
+                "interrupted before the search had any program"
+                if interrupted
+                else "timeout: the search used up its budget before it had any program",
+                help="the same command goes on from here"
+                if interrupted
+                else "the same command with a larger `--time` or `--budget` goes on from here",
             )
         case NothingSoSmall(largest):
             return Diagnostic(

@@ -3,7 +3,8 @@
 ::
 
     DIR/manifest.json       what was asked for, what it was made with, and, at the end, the results
-    DIR/sketch.pirl         the sketch as it was read
+    DIR/sketch.pirl         the sketch that is searched
+    DIR/sketch.given.pirl   the sketch as it was read, where an ablation searches another
     DIR/journal.jsonl       every tuning and simulation of the search; what resuming reads
     DIR/candidates.jsonl    every program met: size, distance, return, parameters, choices
     DIR/<name>.pirl         the program
@@ -28,6 +29,7 @@ from pirlc.backend.files import write_text
 from pirlc.report.problems import DamagedRun, ForeignFolder, OtherRun, error
 
 MANIFEST = "manifest.json"
+SKETCH, GIVEN = "sketch.pirl", "sketch.given.pirl"
 TRACES, VERIFICATION, ANALYSIS = "traces.json", "verification.json", "analysis.json"
 PAGE, PAGE_DATA = "report.html", "report.json"
 

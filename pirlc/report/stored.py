@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from pirlc.report.problems import DamagedFile, NoRun, error
-from pirlc.report.run import ANALYSIS, MANIFEST, TRACES, VERIFICATION
+from pirlc.report.run import ANALYSIS, GIVEN, MANIFEST, SKETCH, TRACES, VERIFICATION
 
-_CANDIDATES, _SKETCH = "candidates.jsonl", "sketch.pirl"
+_CANDIDATES = "candidates.jsonl"
 
 
 @dataclass(frozen=True)
@@ -49,11 +49,11 @@ def read_stored(folder: Path) -> Stored:
     assert manifest is not None
     findings, others = _findings(folder, manifest)
     headers = sorted((folder / "c").glob("*.h"))
-    programs = sorted(p for p in folder.glob("*.pirl") if p.name != _SKETCH)
+    programs = sorted(p for p in folder.glob("*.pirl") if p.name not in (SKETCH, GIVEN))
     return Stored(
         folder,
         manifest,
-        _text(folder / _SKETCH),
+        _text(folder / SKETCH),
         _text(programs[0]) if programs else None,
         _lines(folder, _CANDIDATES),
         findings[TRACES],

@@ -17,24 +17,32 @@ from pirlc.search.rounding import round_constants
 
 
 class Ending(Enum):
-    """Why a search ended."""
+    """Why a search ended. `TIMEOUT`: its budget was used up before it had any program."""
 
     FINISHED = "finished"
     BUDGET = "budget used up"
+    TIMEOUT = "timeout"
     INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Which parts of a search take part.
+    """Which parts of a synthesis take part.
 
     Attributes:
         augment: `update_histories` adds the program's own trajectories (off: the paper's NoAug).
         refine: parameters are refined on return afterwards, which is not part of the paper.
+        sketch: the sketch's expressions and rules say what to search (off: the language's own
+            grammar over the same sensors does, the paper's NoSketch).
+        branches: programs may have an `if` (off: the paper's NoIF).
+
+    The last two choose the sketch that is searched; the search itself knows nothing of them.
     """
 
     augment: bool = True
     refine: bool = True
+    sketch: bool = True
+    branches: bool = True
 
 
 @dataclass(frozen=True)
@@ -50,11 +58,11 @@ class Found:
     ending: Ending
 
 
-def find_program(search: Search, oracle: Oracle | None, plan: Plan) -> Found | None:
+def find_program(search: Search, oracle: Oracle | None, plan: Plan) -> Found | Ending:
     """The best program for the sketch; without an oracle, by return alone (the paper's Naive).
 
-    Ctrl-C and an exhausted budget end it early with the best program met so far, or None if there
-    was none yet.
+    Ctrl-C and an exhausted budget end it early with the best program met so far, or with why there
+    is none: `TIMEOUT` or `INTERRUPTED`.
     """
     imitated: Candidate | None = None
     try:
@@ -66,9 +74,9 @@ def find_program(search: Search, oracle: Oracle | None, plan: Plan) -> Found | N
             best = refine(search, histories, promising(search))
         return Found(_rounded(search, best), imitated, Ending.FINISHED)
     except BudgetExhausted:
-        return _so_far(search, imitated, Ending.BUDGET)
+        return _so_far(search, imitated, Ending.BUDGET) or Ending.TIMEOUT
     except KeyboardInterrupt:
-        return _so_far(search, imitated, Ending.INTERRUPTED)
+        return _so_far(search, imitated, Ending.INTERRUPTED) or Ending.INTERRUPTED
 
 
 _SCALE_HISTORIES = 2000
