@@ -47,7 +47,7 @@ from benchmarks.torcs.racing import (
 )
 from benchmarks.torcs.telling import racing_parser, save, table, tell
 from pirlc.simulation.rollout import ReturnEstimate, estimate
-from pirlc.simulation.workers import parallel_map
+from pirlc.simulation.workers import Workers, parallel_map
 
 PROBABILITIES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 
@@ -143,7 +143,7 @@ def run_all(works: Sequence[Work], workers: int, journal: Path) -> list[list[Out
     with journal.open("a", encoding="utf-8") as file:
         for first in range(0, len(ahead), _ROUND):
             some = ahead[first : first + _ROUND]
-            for work, outcomes in zip(some, parallel_map(run, some, workers), strict=True):
+            for work, outcomes in zip(some, parallel_map(run, some, Workers(workers)), strict=True):
                 known[work.key] = outcomes
                 entry = {"key": work.key, "outcomes": [astuple(o) for o in outcomes]}
                 file.write(json.dumps(entry) + "\n")

@@ -15,7 +15,7 @@ from pirlc.cli.subjects import Subject
 from pirlc.simulation.native import is_deterministic
 from pirlc.simulation.policy import Policy
 from pirlc.simulation.rollout import ReturnEstimate, estimate, run_return
-from pirlc.simulation.workers import parallel_map, shared_simulator
+from pirlc.simulation.workers import Workers, parallel_map, shared_simulator
 
 _BITS = ((1, "missing"), (2, "out_of_range"), (4, "safe_used"))
 
@@ -71,7 +71,7 @@ def _play(subject: Subject, trust: bool, seeds: Sequence[int]) -> _Part:
     return _Part(returns, policy.steps, policy.seen)
 
 
-def measure(subject: Subject, seeds: range, workers: int, trust: bool) -> Tally:
+def measure(subject: Subject, seeds: range, workers: Workers, trust: bool) -> Tally:
     """One episode from each seed; the same for any number of workers."""
     deterministic = is_deterministic(shared_simulator(subject.environment, trust))
     if deterministic:
@@ -79,9 +79,9 @@ def measure(subject: Subject, seeds: range, workers: int, trust: bool) -> Tally:
     parts: list[_Part] = []
     with counting("episodes", len(seeds)) as (shown, advance):
         # Few large rounds where nobody watches, more small ones for a bar that moves.
-        rounds = min(20 if shown else 1, max(1, len(seeds) // workers))
+        rounds = min(20 if shown else 1, max(1, len(seeds) // workers.count))
         for turn in _split(seeds, rounds):
-            pieces = _split(turn, min(len(turn), workers if shown else workers * 3))
+            pieces = _split(turn, min(len(turn), workers.count * (1 if shown else 3)))
             parts += parallel_map(partial(_play, subject, trust), pieces, workers)
             advance(len(turn))
     statuses = None

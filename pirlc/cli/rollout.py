@@ -9,8 +9,8 @@ from typing import Literal
 import click
 
 from pirlc.cli.arguments import Arguments, argument_option
-from pirlc.cli.machine import cores
 from pirlc.cli.session import Session, json_option, pass_session
+from pirlc.cli.workers import Place, place_options
 
 _WORTH_PROCESSES = 100
 """Episodes from which on starting further processes pays."""
@@ -55,9 +55,7 @@ _WORTH_PROCESSES = 100
     show_default=True,
     help="The numbers that a program computes in.",
 )
-@click.option(
-    "--workers", type=click.IntRange(1, 1024), help="Processes to use (default: one a core)."
-)
+@place_options
 @argument_option
 @click.option("--trust", is_flag=True, help="Let environments and policies run their own code.")
 @json_option
@@ -70,7 +68,7 @@ def command(
     form: Literal["interpreter", "python", "c"] | None,
     sketch: str | None,
     real: Literal["double", "float"],
-    workers: int | None,
+    place: Place,
     arguments: Arguments,
     trust: bool,
 ) -> None:
@@ -83,12 +81,12 @@ def command(
     from pirlc.cli import measure
     from pirlc.cli.subjects import Request, find_subject
 
-    if workers is None:
-        workers = cores() if episodes >= _WORTH_PROCESSES else 1
+    usual = None if episodes >= _WORTH_PROCESSES else 1
     with tempfile.TemporaryDirectory(prefix="pirlc-") as built:
         request = Request(policy, form, sketch, real, trust, Path(built), arguments)
         subject = find_subject(session, request)
         seeds = range(seed, seed + episodes)
-        tally = measure.measure(subject, seeds, workers, trust)
+        with place.workers(usual) as workers:
+            tally = measure.measure(subject, seeds, workers, trust)
     session.say(measure.in_words(subject, tally))
     session.finish(measure.as_data(subject, tally))

@@ -9,9 +9,9 @@ import click
 
 from pirlc.cli.arguments import argument_option
 from pirlc.cli.guard import INTERRUPTED, TIMEOUT
-from pirlc.cli.machine import cores
 from pirlc.cli.session import Session, json_option, pass_session
 from pirlc.cli.settings import settings_option
+from pirlc.cli.workers import place_options
 
 
 @click.command("synth", epilog="Example: pirlc synth examples/cartpole.pirl -o runs/cartpole")
@@ -61,9 +61,7 @@ from pirlc.cli.settings import settings_option
     help="Unseen episodes for the evaluation at the end (default: 1000; 50 in TORCS; 1 where "
     "chance plays no part).",
 )  # fmt: skip
-@click.option(
-    "--workers", type=click.IntRange(1, 1024), help="Processes to use (default: one a core)."
-)
+@place_options
 @click.option(
     "--pick", type=click.IntRange(1), metavar="N",
     help="Take program N of the front (a shorter one for a little return) in place of the "
@@ -80,7 +78,7 @@ from pirlc.cli.settings import settings_option
 @click.option("--trust", is_flag=True, help="Let environments and oracles run their own code.")
 @json_option
 @pass_session
-def command(session: Session, /, sketch: str, workers: int | None, **options: Any) -> int:
+def command(session: Session, /, sketch: str, **options: Any) -> int:
     """Find a program for SKETCH, and write it with C, Python and the evidence under DIR.
 
     An oracle is trained (or found in the cache), programs are searched that imitate it, and the
@@ -89,7 +87,7 @@ def command(session: Session, /, sketch: str, workers: int | None, **options: An
     from pirlc.cli.synthesis import TRAIN, Wish, synthesize_for
     from pirlc.search.synthesis import Ending
 
-    wish = Wish(sketch=sketch, workers=workers or cores(), **options)
+    wish = Wish(sketch=sketch, **options)
     training = (wish.algorithm, wish.oracle_steps, wish.oracle_seed, wish.settings or None)
     given = wish.origin is not None and wish.origin != TRAIN
     if (given or wish.no_oracle) and any(choice is not None for choice in training):

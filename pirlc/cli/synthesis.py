@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from pirlc.cli.arguments import Arguments
@@ -11,6 +11,7 @@ from pirlc.cli.display import watching
 from pirlc.cli.files import read_source
 from pirlc.cli.measure import estimate_data, interval, number
 from pirlc.cli.session import Session
+from pirlc.cli.workers import Place
 from pirlc.ir.printer import program_text
 from pirlc.oracle.load import LoadedOracle
 from pirlc.oracle.manifest import Json
@@ -45,7 +46,7 @@ class Wish:
     trials: int | None
     tune_seconds: float | None
     episodes: int | None
-    workers: int
+    place: Place
     no_augment: bool
     no_sketch: bool
     no_if: bool
@@ -58,9 +59,9 @@ class Wish:
 def synthesize_for(session: Session, wish: Wish) -> Ending:
     """Run the synthesis and tell its result; why it ended."""
     request = _request(wish)
-    with watching() as watcher:
+    with wish.place.workers() as workers, watching() as watcher:
         result = synthesize(
-            request,
+            replace(request, workers=workers),
             watcher.search,
             watcher.training,
             session.tell,
@@ -136,7 +137,6 @@ def _request(wish: Wish) -> SynthesisRequest:
         calls=wish.calls,
         seconds=wish.seconds,
         episodes=wish.episodes,
-        workers=wish.workers,
         arguments=wish.arguments,
         trust=wish.trust,
         pick=wish.pick,

@@ -10,6 +10,7 @@ from pirlc.ir.policy import Scalar
 from pirlc.oracle.manifest import Json
 from pirlc.search.settings import Settings
 from pirlc.search.synthesis import Plan
+from pirlc.simulation.workers import ALONE, Workers
 from pirlc.source import SourceText
 from pirlc.tune.how import Optimizer, Tuning
 
@@ -55,7 +56,7 @@ class SynthesisRequest:
     calls: int | None = None
     seconds: float | None = None
     episodes: int | None = None
-    workers: int = 2
+    workers: Workers = ALONE
     arguments: tuple[tuple[str, Scalar], ...] = ()
     trust: bool = False
     pick: int | None = None

@@ -20,7 +20,7 @@ from pirlc.report.run import TRACES
 from pirlc.semantics.policies import InterpretedPolicy
 from pirlc.semantics.vectorised import distances
 from pirlc.simulation.rollout import Episode, episode_return
-from pirlc.simulation.workers import collect_episodes
+from pirlc.simulation.workers import ALONE, collect_episodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ def trace_episode(
     Raises PirlcError as a rollout does.
     """
     factory = partial(InterpretedPolicy, program)
-    (episode,) = collect_episodes(factory, environment, [seed], 1, trust)
+    (episode,) = collect_episodes(factory, environment, [seed], ALONE, trust)
     digest = sha256_of(program)
     specs = program.interface.actions
     components = [spec.component for spec in specs]

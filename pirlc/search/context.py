@@ -24,7 +24,12 @@ from pirlc.search.enumeration import Enumeration
 from pirlc.search.journal import Journal
 from pirlc.search.settings import Progress, Settings, Tell
 from pirlc.simulation.policy import PolicyFactory
-from pirlc.simulation.workers import collect_returns, collect_returns_of_each, parallel_map
+from pirlc.simulation.workers import (
+    Workers,
+    collect_returns,
+    collect_returns_of_each,
+    parallel_map,
+)
 
 FIRST_EVALUATION_SEED = 1_000_000
 """Episodes of a search start from seeds below this one; those of evaluations from here on."""
@@ -50,7 +55,7 @@ class Search:
     environment: Environment
     settings: Settings
     journal: Journal
-    workers: int
+    workers: Workers
     tell: Tell
     record: Callable[[str, Candidate], None]
     trust: bool = False
@@ -134,7 +139,7 @@ class Search:
         def compiled(template: ProgramTemplate) -> CControllerFactory:
             return c_controller(template, folder, flags=QUICK_FLAGS)
 
-        made = parallel_map(compiled, list(new.values()), self.workers)
+        made = parallel_map(compiled, list(new.values()), self.workers.here())
         self._made.update(zip(new, made, strict=True))
 
     def _text(self, template: ProgramTemplate) -> str:

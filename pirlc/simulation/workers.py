@@ -1,13 +1,14 @@
-"""Work spread over processes that are kept between calls."""
+"""Work spread over processes, of this machine or of a cluster, that are kept between calls."""
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ from pirlc.simulation.policy import PolicyFactory
 from pirlc.simulation.problems import WorkerDied, failure
 from pirlc.simulation.rollout import Episode, run_episode, run_returns
 
+if TYPE_CHECKING:
+    from pirlc.simulation.cluster.backend import RayBackend
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -26,24 +30,43 @@ _PIECES = 3
 """Pieces of work a process, so that none waits long for the slowest."""
 
 
+@dataclass(frozen=True)
+class Workers:
+    """Who does the work: so many processes of this machine, or of a cluster.
+
+    `backend` is one of joblib's. A single worker is this process itself.
+    """
+
+    count: int = 1
+    backend: Literal["loky"] | RayBackend = "loky"
+
+    def here(self) -> Workers:
+        """Those for work that must stay on this machine."""
+        return self if self.backend == "loky" else Workers(os.cpu_count() or 1)
+
+
+ALONE = Workers()
+"""This process."""
+
+
 def parallel_map(
-    function: Callable[[Item], Result], items: Sequence[Item], workers: int
+    function: Callable[[Item], Result], items: Sequence[Item], workers: Workers
 ) -> list[Result]:
-    """``[function(item) for item in items]``, over `workers` processes; 1 stays in this one.
+    """``[function(item) for item in items]``, shared among the workers; the same for any.
 
     What `function` raises is raised here (of several PirlcErrors the first in the order of the
     items); a process that dies is PirlcError E0519. Ctrl-C interrupts this process alone,
-    which then ends the others.
+    which then ends the others. On a cluster also PirlcError E0545 to E0549.
     """
-    if workers <= 1 or len(items) <= 1:
+    if workers.count <= 1 or len(items) <= 1:
         return [function(item) for item in items]
     from joblib import Parallel, delayed
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     try:
-        outcomes: list[Result | _Failed] = Parallel(n_jobs=workers, backend="loky", batch_size=1)(
-            delayed(_undisturbed)(function, item) for item in items
-        )
+        outcomes: list[Result | _Failed] = Parallel(
+            n_jobs=workers.count, backend=workers.backend, batch_size=1, pre_dispatch="all"
+        )(delayed(_undisturbed)(function, item) for item in items)
     except TerminatedWorkerError as error:
         raise failure(WorkerDied(str(error).split("\n")[0])) from error
     results: list[Result] = []
@@ -81,8 +104,8 @@ def shared_simulator(environment: Environment, trust: bool = False) -> Simulator
     return _made(repr(environment), environment, trust)
 
 
-def _pieces(seeds: Sequence[int], workers: int) -> list[Sequence[int]]:
-    count = min(len(seeds), 1 if workers <= 1 else workers * _PIECES)
+def _pieces(seeds: Sequence[int], workers: Workers) -> list[Sequence[int]]:
+    count = min(len(seeds), 1 if workers.count <= 1 else workers.count * _PIECES)
     cuts = [len(seeds) * i // count for i in range(count + 1)] if count else []
     return [seeds[a:b] for a, b in pairwise(cuts)]
 
@@ -91,7 +114,7 @@ def collect_returns(
     factory: PolicyFactory,
     environment: Environment,
     seeds: Sequence[int],
-    workers: int = 1,
+    workers: Workers = ALONE,
     trust: bool = False,
 ) -> NDArray[np.float64]:
     """The return of one episode from each seed, shape (len(seeds),), in the order of the seeds.
@@ -110,7 +133,7 @@ def collect_returns_of_each(
     factories: Sequence[PolicyFactory],
     environment: Environment,
     seeds: Sequence[int],
-    workers: int = 1,
+    workers: Workers = ALONE,
     trust: bool = False,
 ) -> NDArray[np.float64]:
     """The returns of several policies from the same seeds, shape (len(factories), len(seeds))."""
@@ -126,7 +149,7 @@ def collect_episodes(
     factory: PolicyFactory,
     environment: Environment,
     seeds: Sequence[int],
-    workers: int = 1,
+    workers: Workers = ALONE,
     trust: bool = False,
 ) -> list[Episode]:
     """One episode from each seed, in the order of the seeds; raises as `collect_returns` does."""

@@ -19,7 +19,7 @@ from pirlc.oracle.store import StoredOracle, list_stored, load_stored, save_orac
 from pirlc.simulation.environments import facts
 from pirlc.simulation.policy import Ready
 from pirlc.simulation.rollout import ReturnEstimate
-from pirlc.simulation.workers import collect_returns
+from pirlc.simulation.workers import Workers, collect_returns
 
 CARTPOLE = Environment("CartPole-v1")
 PENDULUM = Environment("Pendulum-v1", (("g", 9.5),))
@@ -124,7 +124,8 @@ def test_forward_is_the_definition() -> None:
 def test_oracles_act_in_worker_processes(tmp_path: Path) -> None:
     oracle = stored(tmp_path / "oracle").oracle
     alone = collect_returns(Ready(oracle), CARTPOLE, range(8))
-    assert np.array_equal(alone, collect_returns(Ready(oracle), CARTPOLE, range(8), workers=2))
+    shared = collect_returns(Ready(oracle), CARTPOLE, range(8), workers=Workers(2))
+    assert np.array_equal(alone, shared)
 
 
 def test_loading_and_acting_import_no_torch(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from pirlc.pipeline import SynthesisResult, synthesize
 from pirlc.report.request import OracleRequest, SynthesisRequest
 from pirlc.search.settings import Progress, Settings
 from pirlc.search.synthesis import Ending, Plan
+from pirlc.simulation.workers import Workers
 from pirlc.source import SourceText
 from tests.support.oracles import save_balancer
 
@@ -56,7 +57,6 @@ def request_in(place: Path, oracle: Path) -> SynthesisRequest:
         oracle=OracleRequest(str(oracle)),
         settings=SMALL,
         episodes=20,
-        workers=1,
     )
 
 
@@ -160,7 +160,7 @@ def test_cut_off_anywhere_it_resumes_to_the_same_result(
 
 
 def test_workers_change_nothing(whole: SynthesisResult, request_: SynthesisRequest) -> None:
-    two = run(replace(request_, workers=2))
+    two = run(replace(request_, workers=Workers(2)))
     assert whole.program_file.read_bytes() == two.program_file.read_bytes()
     assert whole.returns == two.returns
     journals = [lines(folder_of(result) / "journal.jsonl") for result in (whole, two)]

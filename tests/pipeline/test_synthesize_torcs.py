@@ -14,6 +14,7 @@ from pirlc.ir.expansion import close
 from pirlc.pipeline import SynthesisResult, synthesize
 from pirlc.report.request import SynthesisRequest
 from pirlc.search.settings import Settings, default_settings
+from pirlc.simulation.workers import ALONE, Workers
 from pirlc.source import SourceText
 
 pytestmark = pytest.mark.usefixtures("torcs_installation")
@@ -52,7 +53,7 @@ def asked(tmp_path: Path) -> SynthesisRequest:
         cache=tmp_path / "cache",
         oracle=None,
         settings=SMALL,
-        workers=2,
+        workers=Workers(2),
         arguments=(("max_episode_steps", 250),),
     )
 
@@ -85,7 +86,7 @@ def test_workers_change_nothing_and_runs_resume(asked: SynthesisRequest) -> None
     before = (asked.folder / "journal.jsonl").read_bytes()
     assert run(asked).program_file.read_bytes() == two.program_file.read_bytes()
     assert (asked.folder / "journal.jsonl").read_bytes() == before
-    alone = run(replace(asked, workers=1, folder=asked.folder.parent / "alone"))
+    alone = run(replace(asked, workers=ALONE, folder=asked.folder.parent / "alone"))
     assert alone.program_file.read_bytes() == two.program_file.read_bytes()
 
 

@@ -55,7 +55,6 @@ def request_in(place: Path) -> SynthesisRequest:
         oracle=OracleRequest(str(save_balancer(place / "oracle"))),
         settings=SETTINGS,
         episodes=10,
-        workers=1,
     )
 
 

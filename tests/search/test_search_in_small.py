@@ -20,6 +20,7 @@ from pirlc.search.journal import Budget, Journal
 from pirlc.search.ndps import ndps
 from pirlc.search.settings import Progress, Settings
 from pirlc.search.synthesis import Ending, Found, Plan, find_program
+from pirlc.simulation.workers import ALONE, Workers
 from pirlc.source import SourceText
 
 SKETCH = parse_sketch(
@@ -93,7 +94,7 @@ def search_in(
     journal: Journal,
     environment: Environment | None = None,
     settings: Settings = SETTINGS,
-    workers: int = 1,
+    workers: Workers = ALONE,
 ) -> Run:
     told: list[Progress] = []
     recorded: list[tuple[str, Candidate]] = []
@@ -177,7 +178,7 @@ def test_a_search_that_was_cut_off_goes_on(
 
 def test_the_number_of_workers_changes_nothing(imitated: tuple[Path, Run, Candidate]) -> None:
     _, one, found = imitated
-    two = search_in(Journal(None, Budget()), workers=2)
+    two = search_in(Journal(None, Budget()), workers=Workers(2))
     try:
         assert imitate(two) == found
     finally:

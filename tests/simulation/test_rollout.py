@@ -24,6 +24,8 @@ from pirlc.simulation.rollout import (
     run_returns,
 )
 from pirlc.simulation.workers import (
+    ALONE,
+    Workers,
     collect_episodes,
     collect_returns,
     collect_returns_of_each,
@@ -99,15 +101,15 @@ def test_returns_do_not_depend_on_the_number_of_workers() -> None:
     factory = Ready(Law(LAWS["Pendulum-v1"]))
     alone = collect_returns(factory, environment, seeds)
     assert alone.shape == (13,)
-    assert np.array_equal(alone, collect_returns(factory, environment, seeds, workers=2))
+    assert np.array_equal(alone, collect_returns(factory, environment, seeds, workers=Workers(2)))
     assert np.array_equal(alone, run_returns(make(environment), factory(), seeds))
     several = collect_returns_of_each(
-        [factory, Ready(Law(lambda _o, _t: (0.0,)))], environment, seeds, 2
+        [factory, Ready(Law(lambda _o, _t: (0.0,)))], environment, seeds, Workers(2)
     )
     assert np.array_equal(several[0], alone)
     assert several.shape == (2, 13)
     assert not np.array_equal(several[1], alone)
-    episodes = collect_episodes(factory, environment, seeds, workers=2)
+    episodes = collect_episodes(factory, environment, seeds, workers=Workers(2))
     assert [episode_return(episode) for episode in episodes] == alone.tolist()
     assert len(collect_returns(factory, environment, [])) == 0
 
@@ -135,7 +137,9 @@ def broken(fault: str, length: int = 5) -> Environment:
     return Environment("broken_environments:Broken-v0", (("fault", fault), ("length", length)))
 
 
-def failure_of(environment: Environment, law: Any = lambda _o, _t: (0.0,), workers: int = 1) -> str:
+def failure_of(
+    environment: Environment, law: Any = lambda _o, _t: (0.0,), workers: Workers = ALONE
+) -> str:
     with pytest.raises(PirlcError) as caught:
         collect_returns(Ready(Law(law)), environment, [7, 8], workers, trust=True)
     return render(caught.value.diagnostics[0])
@@ -183,8 +187,8 @@ def test_failing_simulators(fault: str, expected: str) -> None:
 
 
 def test_failures_in_workers_are_told_as_well() -> None:
-    assert failure_of(broken("raises"), workers=2) == FAULTS[0][1]
-    assert failure_of(broken("dies"), workers=2).startswith(
+    assert failure_of(broken("raises"), workers=Workers(2)) == FAULTS[0][1]
+    assert failure_of(broken("dies"), workers=Workers(2)).startswith(
         "error[E0519]: a worker process of the simulation died\n  = note: "
     )
 
@@ -222,19 +226,19 @@ def test_episodes_without_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_parallel_map_keeps_order() -> None:
-    assert parallel_map(lambda x: x * x, range(20), 2) == [x * x for x in range(20)]
+    assert parallel_map(lambda x: x * x, range(20), Workers(2)) == [x * x for x in range(20)]
 
 
 def test_an_interrupt_is_silent_in_the_workers(tmp_path: Path) -> None:
     script = tmp_path / "long.py"
     script.write_text(
         "import sys, time\n"
-        "from pirlc.simulation.workers import parallel_map\n"
+        "from pirlc.simulation.workers import Workers, parallel_map\n"
         "def work(x):\n"
         "    print('started', flush=True)\n"
         "    time.sleep(30)\n"
         "try:\n"
-        "    parallel_map(work, [1, 2], 2)\n"
+        "    parallel_map(work, [1, 2], Workers(2))\n"
         "except KeyboardInterrupt:\n"
         "    print('interrupted', flush=True)\n"
         "    sys.exit(130)\n"

@@ -15,7 +15,7 @@ from gymnasium.utils.env_checker import check_env
 from pirlc.ir.policy import Environment
 from pirlc.simulation.environments import BoxActions, facts, make, register_own
 from pirlc.simulation.torcs.readings import READINGS
-from pirlc.simulation.workers import parallel_map
+from pirlc.simulation.workers import Workers, parallel_map
 from tests.simulation.torcs.racing import drive, torcs
 
 pytestmark = pytest.mark.usefixtures("torcs_installation")
@@ -217,7 +217,7 @@ def _driven(seed: int) -> bytes:
 
 
 def test_worker_processes_have_their_own() -> None:
-    assert parallel_map(_driven, [1, 2, 3], 2) == [_driven(seed) for seed in (1, 2, 3)]
+    assert parallel_map(_driven, [1, 2, 3], Workers(2)) == [_driven(seed) for seed in (1, 2, 3)]
 
 
 def test_the_thread_that_drives_keeps_its_processors() -> None:

@@ -18,7 +18,7 @@ from pirlc.simulation.environments import Simulator, facts, make
 from pirlc.simulation.native import run_native
 from pirlc.simulation.rollout import run_episode, run_return
 from pirlc.simulation.torcs.presets import REWARDS
-from pirlc.simulation.workers import collect_episodes, collect_returns
+from pirlc.simulation.workers import Workers, collect_episodes, collect_returns
 from tests.simulation.torcs.racing import CAREFUL, program
 
 pytestmark = pytest.mark.usefixtures("torcs_installation")
@@ -127,8 +127,9 @@ def test_workers_give_the_same_natively(tmp_path):
     environment = place(("max_episode_steps", 100), ("noise", 0.1))
     native, lock_step = compiled(program(), tmp_path), python_controller(program())
     expected = collect_returns(lock_step, environment, range(4))
-    assert np.array_equal(collect_returns(native, environment, range(4), workers=2), expected)
-    episodes = collect_episodes(native, environment, range(4), workers=2)
+    shared = collect_returns(native, environment, range(4), workers=Workers(2))
+    assert np.array_equal(shared, expected)
+    episodes = collect_episodes(native, environment, range(4), workers=Workers(2))
     assert [math.fsum(e.rewards) for e in episodes] == expected.tolist()
 
 
