@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from pirlc.ir.policy import Continuous, ProgramTemplate
 from pirlc.semantics.histories import HistorySet
-from pirlc.symbolic.casadi_form import BoundFunction, as_row, hard_algebra, row_of, symbols_for
+from pirlc.symbolic.blocks import Blockwise, InputRows, blocks_of
+from pirlc.symbolic.casadi_form import as_row, hard_algebra, symbols_for
 from pirlc.symbolic.walk import walk
 
 
@@ -47,7 +48,7 @@ def affine_split(template: ProgramTemplate) -> AffineSplit:
     ]
     count = len(symbols.names)
     guards = ca.vertcat(ca.MX(0, 1), *symbols.margins)
-    barred = {i for i in range(count) if _depends(guards, symbols.theta, count)[i]}
+    barred = {i for i, moves in enumerate(_depends(guards, symbols.theta, count)) if moves}
     # clash[i] holds j where the derivative by parameter i still depends on parameter j.
     clash: dict[int, set[int]] = {i: set() for i in range(count)}
     if raw:
@@ -91,7 +92,9 @@ class DesignMatrices:
     def __init__(
         self, template: ProgramTemplate, split: AffineSplit, histories: HistorySet
     ) -> None:
-        count = len(histories)
+        self._blocks = blocks_of(len(histories))
+        self._count = len(histories)
+        count = self._blocks.size
         symbols = symbols_for(template, count)
         algebra = hard_algebra(symbols)
         self.split = split
@@ -111,9 +114,13 @@ class DesignMatrices:
                 outputs.append(ca.densify(ca.jtimes(raw, symbols.theta, direction)))
         self._position = {name: i for i, name in enumerate(symbols.names)}
         self._theta = np.zeros(len(symbols.names))
-        self._function = BoundFunction(
-            ca.Function("design", [symbols.theta, *symbols.inputs.values()], outputs),
-            [self._theta, *(row_of(which, histories) for which in symbols.inputs)],
+        inputs = symbols.used_in(outputs)
+        self._function = Blockwise(
+            ca.Function("design", [symbols.theta, *inputs.values()], outputs),
+            [self._theta],
+            [],
+            InputRows(tuple(inputs), histories, self._blocks),
+            self._blocks,
         )
 
     def __call__(self, others: Mapping[str, float]) -> list[Design]:
@@ -121,12 +128,10 @@ class DesignMatrices:
         self._theta[:] = 0.0
         for name in self.split.others:
             self._theta[self._position[name]] = others[name]
-        rows = self._function()
         width = 1 + len(self.split.linear)
-        return [
-            Design(
-                matrix=np.concatenate([np.zeros((0, rows[0].shape[1])), *block[1:]]).T,
-                offset=block[0][0].copy(),
-            )
-            for block in (rows[i : i + width] for i in range(0, len(rows), width))
-        ]
+        rows = np.empty((len(self.actions), width, self._count))
+        flat = rows.reshape(-1, self._count)
+        for begin, results in zip(self._blocks.begins, self._function(), strict=True):
+            for row, result in zip(flat, results, strict=True):
+                row[begin : begin + self._blocks.size] = result[0]
+        return [Design(matrix=block[1:].T, offset=block[0]) for block in rows]

@@ -71,6 +71,11 @@ class Symbols:
     def element(self, sensor: str, index: int) -> MX:
         return self.input(Element(sensor, index))
 
+    def used_in(self, expressions: Sequence[MX]) -> dict[Input, MX]:
+        """The inputs that some expressions need: a walk meets whole windows, a peek uses one."""
+        names = {symbol.name() for symbol in ca.symvar(ca.veccat(ca.MX(0, 1), *expressions))}
+        return {which: row for which, row in self.inputs.items() if row.name() in names}
+
     def parameter(self, name: str) -> MX:
         return ca.MX(self.fixed[name]) if name in self.fixed else self._parameters[name]
 
@@ -183,13 +188,18 @@ class BoundFunction:
         self.arguments = list(arguments)
         self.results = [np.zeros(function.size_out(i), order="F") for i in range(function.n_out())]
         self._buffer, self._evaluate = function.buffer()
-        for i, argument in enumerate(self.arguments):
-            assert argument.size == function.numel_in(i), (i, argument.shape)
-            if argument.size:
-                self._buffer.set_arg(i, argument.data)
+        self.bind(0, self.arguments)
         for i, result in enumerate(self.results):
             if result.size:
                 self._buffer.set_res(i, result.reshape(-1, order="F").data)
+
+    def bind(self, first: int, arguments: Sequence[NDArray[np.float64]]) -> None:
+        """Other arrays for the arguments from number `first` on."""
+        self.arguments[first : first + len(arguments)] = arguments
+        for i, argument in enumerate(arguments, first):
+            assert argument.size == self.function.numel_in(i), (i, argument.shape)
+            if argument.size:
+                self._buffer.set_arg(i, argument.data)
 
     def __call__(self) -> list[NDArray[np.float64]]:
         self._evaluate()
@@ -224,12 +234,13 @@ def casadi_form(template: ProgramTemplate | Program, histories: int) -> CasadiFo
     algebra = hard_algebra(symbols)
     raw = [as_row(walk(body, algebra), histories) for body in template.bodies]
     margins = [as_row(margin, histories) for margin in symbols.margins]
+    inputs = symbols.used_in([*raw, *margins])
     function = ca.Function(
         "raw",
-        [symbols.theta, *symbols.inputs.values()],
+        [symbols.theta, *inputs.values()],
         [ca.vertcat(*raw), ca.vertcat(ca.MX(0, histories), *margins)],
     )
-    return CasadiForm(symbols.names, tuple(symbols.inputs), function)
+    return CasadiForm(symbols.names, tuple(inputs), function)
 
 
 def as_row(expression: MX, histories: int) -> MX:

@@ -20,15 +20,14 @@ from pirlc.ir.operators import COMPARISONS, Operator
 from pirlc.ir.policy import ActionSpec, Choice, Continuous, ProgramTemplate
 from pirlc.ir.types import Discrete, Type
 from pirlc.semantics.histories import HistorySet
+from pirlc.symbolic.blocks import Blocks, Blockwise, InputRows, blocks_of
 from pirlc.symbolic.casadi_form import (
     ARITHMETIC,
     COMPARED,
     MX,
-    BoundFunction,
     Previous,
     Symbols,
     as_row,
-    row_of,
     symbols_for,
 )
 from pirlc.symbolic.walk import Algebra, walk
@@ -36,6 +35,9 @@ from pirlc.symbolic.walk import Algebra, walk
 FLOOR = 1e-3
 """The probability that cross-entropy shares out among a discrete action's values beforehand, so
 that one wrong history costs at most about 7."""
+
+MARGINS = 2**16
+"""Histories on which guards are looked at, at most: their spread needs no more."""
 
 CLIP_SOFTNESS = 0.1
 """How far, in ranges and for temperature 1, the smooth clip departs from the bounds."""
@@ -158,7 +160,8 @@ class SmoothedObjective:
         labels: NDArray[np.float64],
         weights: NDArray[np.float64] | None = None,
     ) -> None:
-        count = len(histories)
+        blocks = blocks_of(len(histories))
+        count = blocks.size
         plain = symbols_for(template, count)
         symbols = SmoothSymbols(count, plain.fixed, plain.names)
         algebra = smooth_algebra(symbols)
@@ -172,32 +175,46 @@ class SmoothedObjective:
         self.names = symbols.names
         """The free parameters in the order of theta."""
         margins = [as_row(margin, count) for margin in symbols.margins]
-        inputs = list(symbols.inputs.values())
-        data = [row_of(which, histories) for which in symbols.inputs]
         self._theta = np.zeros(len(self.names))
         self._temperature = np.ones(1)
         self._scales = np.ones(len(margins))
-        even = np.ones(count) if weights is None else np.asarray(weights, dtype=np.float64)
+        even = np.ones(len(histories)) if weights is None else np.asarray(weights, np.float64)
         rows = [_clipped(labels[:, i], spec) for i, spec in enumerate(specs)]
         scale_symbol = ca.MX.sym("scales", len(margins))
         [loss] = ca.substitute(
             [loss], symbols.scales, [scale_symbol[i] for i in range(len(margins))]
         )
-        self._objective = BoundFunction(
+        inputs = symbols.used_in([loss])
+        self._objective = Blockwise(
             ca.Function(
                 "objective",
-                [symbols.theta, symbols.temperature, scale_symbol, share, *targets, *inputs],
+                [symbols.theta, symbols.temperature, scale_symbol, share, *targets]
+                + [*inputs.values()],
                 [ca.densify(loss), ca.densify(ca.gradient(loss, symbols.theta))],
             ),
-            [self._theta, self._temperature, self._scales, even / even.sum(), *rows, *data],
+            [self._theta, self._temperature, self._scales],
+            [blocks.shares(even / even.sum()), *(blocks.cut(row) for row in rows)],
+            InputRows(tuple(inputs), histories, blocks),
+            blocks,
         )
-        self._margins = BoundFunction(
+        chosen = _evenly(len(histories), count)
+        looked_at = blocks if chosen is None else Blocks(count, tuple(range(0, len(chosen), count)))
+        guards = symbols.used_in(margins)
+        self._margins = Blockwise(
             ca.Function(
                 "margins",
-                [symbols.theta, *inputs],
+                [symbols.theta, *guards.values()],
                 [ca.vertcat(ca.MX(0, count), *margins)],
             ),
-            [self._theta, *data],
+            [self._theta],
+            [],
+            InputRows(tuple(guards), histories, looked_at, chosen),
+            looked_at,
+        )
+        self._looked_at = looked_at
+        self._size_of_margins = (
+            len(margins),
+            len(histories) if chosen is None else len(chosen),
         )
 
     def __call__(
@@ -206,13 +223,24 @@ class SmoothedObjective:
         """Value and gradient (P,) at parameters theta (P,), under the scales last set."""
         self._theta[:] = theta
         self._temperature[0] = temperature
-        value, gradient = self._objective()
-        return float(value[0, 0]), gradient[:, 0].copy()
+        total, slope = 0.0, np.zeros(len(self.names))
+        for value, gradient in self._objective():
+            total += float(value[0, 0])
+            slope += gradient[:, 0]
+        return total, slope
 
     def margins(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The differences behind the guards, (G, N)."""
+        """The differences behind the guards, (G, N).
+
+        They serve to tell how far a guard's margins spread. Of more than `MARGINS` histories only
+        about so many are looked at, evenly spaced.
+        """
         self._theta[:] = theta
-        return self._margins()[0].copy()
+        found = np.empty(self._size_of_margins)
+        blocks = self._looked_at
+        for begin, (margins,) in zip(blocks.begins, self._margins(), strict=True):
+            found[:, begin : begin + blocks.size] = margins
+        return found
 
     def scales_at(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """The spread of each guard's margin over the histories, (G,); 1 where it has none."""
@@ -222,6 +250,14 @@ class SmoothedObjective:
 
     def set_scales(self, scales: NDArray[np.float64]) -> None:
         self._scales[:] = scales
+
+
+def _evenly(count: int, size: int) -> NDArray[np.intp] | None:
+    """Whole blocks' worth of histories, `MARGINS` at most; None: all of them."""
+    if count <= MARGINS:
+        return None
+    looked_at = MARGINS // size * size
+    return np.arange(looked_at, dtype=np.intp) * count // looked_at
 
 
 def _error(result: Any, spec: ActionSpec, target: MX, temperature: MX) -> MX:
