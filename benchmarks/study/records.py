@@ -259,8 +259,11 @@ def writing(folder: Path, suite: str) -> Iterator[Results]:
 
 
 @contextmanager
-def held(place: Path) -> Iterator[None]:
-    """A folder, made if need be, that one process at a time may hold. Raises SystemExit."""
+def held(place: Path) -> Iterator[int]:
+    """A folder, made if need be, that one process at a time may hold. Raises SystemExit.
+
+    Yields the lock's file descriptor: a process that inherits it goes on holding the folder.
+    """
     try:
         place.mkdir(parents=True, exist_ok=True)
         handle = os.open(place / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
@@ -278,7 +281,7 @@ def held(place: Path) -> Iterator[None]:
         os.ftruncate(handle, 0)
         words = " ".join([Path(sys.argv[0]).name, *sys.argv[1:]])[:200]
         os.write(handle, f"process {os.getpid()} ({words})".encode())
-        yield
+        yield handle
     finally:
         # Closing gives the lock up. The file stays: were it removed, a process that has it open
         # and one that makes a new one could both hold "the" lock.
