@@ -134,7 +134,8 @@ def main(words: list[str] | None = None) -> int:
     for page in write_pages(chosen.results):
         print(page)
     if failures:
-        tell("failed:\n" + "\n".join(f"  {name}: {why}" for name, why in failures))
+        names = "\n".join(f"  {name}" for name, _ in failures)
+        tell(f"failed, for the reasons above; the same command tries again:\n{names}")
         return 1
     return 0
 

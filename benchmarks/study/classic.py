@@ -13,7 +13,6 @@ from benchmarks.study.records import (
     EPISODES,
     FIRST_SEED,
     ROOT,
-    TIMEOUT,
     Record,
     Return,
 )
@@ -103,7 +102,7 @@ def synthesised(job: Job, children: Children) -> Record:
             command=made.command,
             core_seconds=took and round(took.core, 1),
             wall_seconds=took and round(took.wall, 1),
-            ending=TIMEOUT,
+            ending=found.ending,
             figures=figures,
         )
     text = manifest["program"]["text"]

@@ -74,7 +74,7 @@ def synthesised(job: Job, children: Children) -> Record:
             command=made.command,
             core_seconds=took and round(took.core, 1),
             wall_seconds=took and round(took.wall, 1),
-            ending=TIMEOUT,
+            ending=found.ending,
             figures=figures,
         )
     text, imitated = manifest["program"]["text"], manifest["imitated"]

@@ -38,8 +38,9 @@ SCHEMA = 1
 EPISODES, FIRST_SEED = 1000, 1_000_000
 """The evaluation that all methods of classic control are compared by."""
 
-COMPLETE, TIMEOUT = "finished", "timeout"
-"""Endings. Any other text says what went wrong."""
+COMPLETE, TIMEOUT, NONE = "finished", "timeout", "none"
+"""Endings: with a result; with nothing found within the limit; where there is nothing to find. Any
+other text says what went wrong."""
 
 LOCK = ".lock"
 
@@ -68,7 +69,7 @@ class Record:
         code_bytes: of its machine code and constants.
         provable: what can be proved about it, in words.
         distance: to the oracle.
-        ending: COMPLETE, TIMEOUT (nothing found within the limit), or what went wrong.
+        ending: COMPLETE, TIMEOUT, NONE, or what went wrong.
         program: its text, if it is one that pirlc reads.
         oracle: SHA-256 of the weights that it was made from.
         figures: what a suite has besides: numbers, texts, lists of them.

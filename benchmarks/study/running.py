@@ -16,15 +16,15 @@ from pathlib import Path
 from typing import Any
 
 import pirlc
-from benchmarks.study.records import ROOT
+from benchmarks.study.records import COMPLETE, NONE, ROOT, TIMEOUT
 from pirlc.backend.files import write_text
 from pirlc.search.synthesis import Ending
 
 FINISHED = (Ending.FINISHED.value, Ending.BUDGET.value)
 """Endings of a search that leave nothing to go on with."""
 
-NOTHING_FOUND = "E0725"
-"""What `pirlc synth` says where a search ends without a program."""
+NOTHING_FOUND, NONE_WITHOUT_IF = "E0725", "E0435"
+"""What `pirlc synth` says where a search ends without a program, and where there is none."""
 
 REFUSED = ("E0722", "E0723", "E0724")
 """What it says where the folder is not that of this run; then it changes nothing there."""
@@ -125,11 +125,16 @@ class Run:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a run: its manifest; None if it has found nothing. `took` None: not known."""
+    """What came of a run.
+
+    `manifest` is None where no program came of it; `ending` says why. `took` is None where it is
+    not known.
+    """
 
     manifest: dict[str, Any] | None
     took: Took | None
     resumed: bool
+    ending: str = COMPLETE
 
 
 def digest(path: Path) -> str:
@@ -155,8 +160,9 @@ def synthesise(run: Run, children: Children) -> Outcome:
         if children.interrupted:
             raise KeyboardInterrupt
         manifest = finished_manifest(run.folder)
-        if code != 0 and f"error[{NOTHING_FOUND}]" in said:
-            return Outcome(None, _sum(sessions), len(sessions) > 1)
+        for refusal, ending in ((NOTHING_FOUND, TIMEOUT), (NONE_WITHOUT_IF, NONE)):
+            if code != 0 and f"error[{refusal}]" in said:
+                return Outcome(None, _sum(sessions), len(sessions) > 1, ending)
         if code != 0 or manifest is None:
             raise Failed(_told(run.command, code, run.log))
     made_by = manifest["versions"]["pirlc"]
