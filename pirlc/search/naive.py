@@ -46,7 +46,9 @@ class ReturnAlone:
     def _climb(self, search: Search, neighbour: Neighbour) -> Candidate:
         template = neighbour.expansion.template
         names = [p.name for p in template.free]
-        seeds = search.seeds("tune on return", EPISODES)
+        # Where an episode is costly, a climb is content with fewer.
+        episodes = min(EPISODES, search.settings.climb_episodes)
+        seeds = search.seeds("tune on return", episodes)
         if not names:
             loss = -float(search.returns(template, [{}], seeds).mean())
             return Candidate(neighbour.expansion, (), loss)
