@@ -13,6 +13,7 @@ from pirlc.diagnostics import PirlcError
 from pirlc.frontend import parse_sketch
 from pirlc.ir.policy import Environment, Interface
 from pirlc.ir.printer import environment_text
+from pirlc.report.manifest import left_out
 from pirlc.report.page_plots import MOST_STEPS
 from pirlc.report.page_search import search_data
 from pirlc.report.run import ANALYSIS, TRACES, VERIFICATION
@@ -27,11 +28,19 @@ _STATES = {
     "finished": "The search went to its end.",
     "budget used up": "The search used up its budget before its end; the program is the best that "
     "it had met.",
+    "timeout": "The search used up its budget before it had any program. The same `pirlc synth` "
+    "command with a larger one goes on from here.",
     "interrupted": "The run was interrupted; the program is the best that it had met. The same "
     "`pirlc synth` command goes on from here.",
     "running": "The run has not ended: it is still going, or was broken off. The same `pirlc "
     "synth` command goes on from here.",
 }
+
+
+_NOTHING = (
+    "The run was interrupted before it had any program. The same `pirlc synth` command goes on "
+    "from here."
+)
 
 
 def page_data(stored: Stored) -> dict[str, Any]:
@@ -86,11 +95,12 @@ def _head(stored: Stored, program: Mapping[str, Any] | None) -> dict[str, Any]:
         "policy": stored.folder.resolve().name if interface is None else interface.name,
         "environment": _environment(manifest, interface),
         "state": state,
-        "state_words": _STATES.get(state, ""),
+        "state_words": _STATES.get(state, "") if program or state != "interrupted" else _NOTHING,
         "verdict": [],
         "pirlc": manifest.get("versions", {}).get("pirlc", pirlc.__version__),
         "seed": asked["settings"]["seed"],
         "oracle": _oracle(manifest),
+        "left_out": list(left_out(asked.get("oracle"), asked.get("plan", {}))),
         "sketch_sha256": asked["sketch"],
         "program_sha256": None if program is None else program["sha256"],
     }
