@@ -7,7 +7,7 @@ solve a least-squares problem.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -125,13 +125,40 @@ class DesignMatrices:
 
     def __call__(self, others: Mapping[str, float]) -> list[Design]:
         """One `Design` for each of `actions`, given the values of the other parameters."""
+        self._set(others)
+        width = 1 + len(self.split.linear)
+        rows = np.empty((len(self.actions) * width, self._count))
+        for begin, results in zip(self._blocks.begins, self._function(), strict=True):
+            for row, result in zip(rows, results, strict=True):
+                row[begin : begin + self._blocks.size] = result[0]
+        return _designs(list(rows), width)
+
+    @property
+    def pieces(self) -> int:
+        """How many `in_blocks` gives."""
+        return len(self._blocks)
+
+    def in_blocks(self, others: Mapping[str, float]) -> Iterator[tuple[int, list[Design]]]:
+        """The same in pieces, each with its first history; every history is in one piece."""
+        self._set(others)
+        width = 1 + len(self.split.linear)
+        done = 0
+        for begin, results in zip(self._blocks.begins, self._function(), strict=True):
+            yield done, _designs([result[0][done - begin :] for result in results], width)
+            done = begin + self._blocks.size
+
+    def _set(self, others: Mapping[str, float]) -> None:
         self._theta[:] = 0.0
         for name in self.split.others:
             self._theta[self._position[name]] = others[name]
-        width = 1 + len(self.split.linear)
-        rows = np.empty((len(self.actions), width, self._count))
-        flat = rows.reshape(-1, self._count)
-        for begin, results in zip(self._blocks.begins, self._function(), strict=True):
-            for row, result in zip(flat, results, strict=True):
-                row[begin : begin + self._blocks.size] = result[0]
-        return [Design(matrix=block[1:].T, offset=block[0]) for block in rows]
+
+
+def _designs(rows: Sequence[NDArray[np.float64]], width: int) -> list[Design]:
+    """For each action the row of the offset, and those of the parameters."""
+    return [
+        Design(
+            matrix=np.concatenate([np.zeros((0, len(rows[0]))), rows[i + 1 : i + width]]).T,
+            offset=rows[i].copy(),
+        )
+        for i in range(0, len(rows), width)
+    ]

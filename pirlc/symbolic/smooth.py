@@ -179,21 +179,21 @@ class SmoothedObjective:
         self._temperature = np.ones(1)
         self._scales = np.ones(len(margins))
         even = np.ones(len(histories)) if weights is None else np.asarray(weights, np.float64)
-        rows = [_clipped(labels[:, i], spec) for i, spec in enumerate(specs)]
+        aims = [_clipped(labels[:, i], spec) for i, spec in enumerate(specs)]
         scale_symbol = ca.MX.sym("scales", len(margins))
         [loss] = ca.substitute(
             [loss], symbols.scales, [scale_symbol[i] for i in range(len(margins))]
         )
         inputs = symbols.used_in([loss])
+        rows = inputs.values()
         self._objective = Blockwise(
             ca.Function(
                 "objective",
-                [symbols.theta, symbols.temperature, scale_symbol, share, *targets]
-                + [*inputs.values()],
+                [symbols.theta, symbols.temperature, scale_symbol, share, *targets, *rows],
                 [ca.densify(loss), ca.densify(ca.gradient(loss, symbols.theta))],
             ),
             [self._theta, self._temperature, self._scales],
-            [blocks.shares(even / even.sum()), *(blocks.cut(row) for row in rows)],
+            [blocks.shares(even / even.sum()), *(blocks.cut(aim) for aim in aims)],
             InputRows(tuple(inputs), histories, blocks),
             blocks,
         )

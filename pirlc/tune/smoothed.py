@@ -10,12 +10,11 @@ from __future__ import annotations
 import numpy as np
 from cmaes import CMA
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, lsq_linear, minimize
+from scipy.optimize import Bounds, minimize
 from threadpoolctl import threadpool_limits
 
-from pirlc.ir.policy import Continuous
-from pirlc.symbolic.affine import DesignMatrices, affine_split
 from pirlc.symbolic.smooth import SmoothedObjective
+from pirlc.tune.linear import LinearSolver
 from pirlc.tune.problem import Score, Tuned, TuningProblem
 from pirlc.tune.starts import Coordinates, coordinates, starts
 
@@ -43,7 +42,7 @@ def _tune(problem: TuningProblem, seed: int) -> Tuned:
     rng = np.random.default_rng(seed)
     objective = SmoothedObjective(problem.template, problem.histories, problem.labels)
     frame = coordinates(problem, objective)
-    solver = _LinearSolver(problem)
+    solver = LinearSolver(problem)
     found: list[tuple[float, int, Vector]] = []
     for start in starts(problem, objective, frame, rng, STARTS):
         for theta in (start, *_anneal(problem, objective, frame, solver, start)):
@@ -58,7 +57,7 @@ def _anneal(
     problem: TuningProblem,
     objective: SmoothedObjective,
     frame: Coordinates,
-    solver: _LinearSolver,
+    solver: LinearSolver,
     start: Vector,
 ) -> list[Vector]:
     """The parameters after each temperature."""
@@ -90,57 +89,6 @@ def _anneal(
             theta = solver.solved(theta)
             reached.append(theta)
     return reached
-
-
-class _LinearSolver:
-    """Least squares for the parameters that the raw results are affine in, given the others."""
-
-    def __init__(self, problem: TuningProblem) -> None:
-        self._problem = problem
-        split = affine_split(problem.template)
-        self.any = bool(split.linear)
-        self.solves_all = self.any and not split.others
-        self._columns = np.array([problem.names.index(n) for n in split.linear], dtype=np.intp)
-        if self.any:
-            self._designs = DesignMatrices(problem.template, split, problem.histories)
-
-    def solved(self, theta: Vector) -> Vector:
-        """Theta with its linear part solved for, within the bounds.
-
-        The oracle's actions are clipped, so where it saturates a result beyond the bound is as
-        good: such histories are left out of the fit in turn.
-        """
-        if not self.any:
-            return theta
-        problem, theta = self._problem, theta.copy()
-        designs = self._designs(dict(zip(problem.names, theta.tolist(), strict=True)))
-        rows, targets, low, high = [], [], [], []
-        for number, design in zip(self._designs.actions, designs, strict=True):
-            domain = problem.template.interface.actions[number].domain
-            assert isinstance(domain, Continuous)
-            width = domain.upper - domain.lower
-            rows.append(design.matrix / width)
-            label = np.clip(problem.labels[:, number], domain.lower, domain.upper)
-            targets.append((label - design.offset) / width)
-            low.append(label <= domain.lower)
-            high.append(label >= domain.upper)
-        matrix, target = np.concatenate(rows), np.concatenate(targets)
-        at_low, at_high = np.concatenate(low), np.concatenate(high)
-        usable = np.isfinite(matrix).all(axis=1) & np.isfinite(target)
-        lower, upper = problem.lower[self._columns], problem.upper[self._columns]
-        upper = np.maximum(upper, np.nextafter(lower, np.inf))
-        counted = usable
-        for _ in range(20):
-            if np.count_nonzero(counted) < len(self._columns):
-                break
-            fit = lsq_linear(matrix[counted], target[counted], (lower, upper), method="bvls")
-            theta[self._columns] = fit.x
-            residual = matrix @ fit.x - target
-            beyond = (at_low & (residual < 0)) | (at_high & (residual > 0))
-            if np.array_equal(counted, usable & ~beyond):
-                break
-            counted = usable & ~beyond
-        return theta
 
 
 def _polish(
