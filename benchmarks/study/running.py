@@ -20,11 +20,14 @@ from benchmarks.study.records import COMPLETE, NONE, ROOT, TIMEOUT
 from pirlc.backend.files import write_text
 from pirlc.search.synthesis import Ending
 
-FINISHED = (Ending.FINISHED.value, Ending.BUDGET.value)
+FINISHED = (Ending.FINISHED.value, Ending.BUDGET.value, Ending.TIMEOUT.value)
 """Endings of a search that leave nothing to go on with."""
 
-NOTHING_FOUND, NONE_WITHOUT_IF = "E0725", "E0435"
-"""What `pirlc synth` says where a search ends without a program, and where there is none."""
+DONE = (0, 3)
+"""Exit codes of a run that came to its end, with a program or with a timeout."""
+
+NONE_WITHOUT_IF = "E0435"
+"""What `pirlc synth` says where a sketch has no program without `if`."""
 
 REFUSED = ("E0722", "E0723", "E0724")
 """What it says where the folder is not that of this run; then it changes nothing there."""
@@ -150,20 +153,21 @@ def synthesise(run: Run, children: Children) -> Outcome:
     """Runs it unless it has been, and goes on with it if it was interrupted. Raises Failed."""
     notes = run.folder.with_name(run.folder.name + ".took.json")
     sessions = _sessions(notes, run)
-    manifest = finished_manifest(run.folder) if sessions else None
+    done = bool(sessions) and sessions[-1]["code"] in DONE
+    manifest = finished_manifest(run.folder) if done else None
     if manifest is None:
         code, took = children.run([sys.executable, "-m", *run.command], run.log)
         said = run.log.read_text("utf-8", errors="replace")
         if not any(f"error[{refusal}]" in said for refusal in REFUSED):
-            sessions.append({"core": round(took.core, 2), "wall": round(took.wall, 2)})
+            core, wall = round(took.core, 2), round(took.wall, 2)
+            sessions.append({"core": core, "wall": wall, "code": code})
             write_text(notes, json.dumps({"asked": run.asked, "sessions": sessions}) + "\n")
         if children.interrupted:
             raise KeyboardInterrupt
-        manifest = finished_manifest(run.folder)
-        for refusal, ending in ((NOTHING_FOUND, TIMEOUT), (NONE_WITHOUT_IF, NONE)):
-            if code != 0 and f"error[{refusal}]" in said:
-                return Outcome(None, _sum(sessions), len(sessions) > 1, ending)
-        if code != 0 or manifest is None:
+        if code != 0 and f"error[{NONE_WITHOUT_IF}]" in said:
+            return Outcome(None, _sum(sessions), len(sessions) > 1, NONE)
+        manifest = finished_manifest(run.folder) if code in DONE else None
+        if manifest is None:
             raise Failed(_told(run.command, code, run.log))
     made_by = manifest["versions"]["pirlc"]
     if made_by != pirlc.__version__:
@@ -171,7 +175,10 @@ def synthesise(run: Run, children: Children) -> Outcome:
             f"{_short(run.folder)} was made by pirlc {made_by}; this is pirlc "
             f"{pirlc.__version__}. Remove that folder, or choose another with --folder"
         )
-    return Outcome(manifest, _sum(sessions), len(sessions) > 1)
+    resumed, took = len(sessions) > 1, _sum(sessions)
+    if manifest["state"] == Ending.TIMEOUT.value:
+        return Outcome(None, took, resumed, TIMEOUT)
+    return Outcome(manifest, took, resumed)
 
 
 def finished_manifest(folder: Path) -> dict[str, Any] | None:
@@ -189,7 +196,8 @@ def _sessions(notes: Path, run: Run) -> list[dict[str, float]]:
         told = json.loads(notes.read_text("utf-8"))
         if told["asked"] != run.asked:
             return []
-        return [{"core": float(s["core"]), "wall": float(s["wall"])} for s in told["sessions"]]
+        names = ("core", "wall", "code")
+        return [{name: float(session[name]) for name in names} for session in told["sessions"]]
     except (OSError, ValueError, KeyError, TypeError):
         return []
 
@@ -197,7 +205,7 @@ def _sessions(notes: Path, run: Run) -> list[dict[str, float]]:
 def _sum(sessions: list[dict[str, float]]) -> Took | None:
     if not sessions:
         return None
-    return sum((Took(**session) for session in sessions), Took(0.0, 0.0))
+    return sum((Took(s["core"], s["wall"]) for s in sessions), Took(0.0, 0.0))
 
 
 def answer(words: tuple[str, ...], to: Path, children: Children) -> tuple[dict[str, Any], Took]:
