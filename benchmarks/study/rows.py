@@ -107,10 +107,10 @@ CLASSIC_ROWS: tuple[Row, ...] = (
 TORCS_ROWS: tuple[Row, ...] = (
     Teacher(),
     Synthesis("Naive", ("--no-oracle",)),
-    Synthesis("NoAug", ("--no-augment",)),
-    Synthesis("NoSketch", ("--no-sketch",)),
-    Synthesis("NoIF", ("--no-if",)),
-    Synthesis("NDPS"),
+    Synthesis("NoAug", (*_CASADI, "--no-augment")),
+    Synthesis("NoSketch", (*_CASADI, "--no-sketch")),
+    Synthesis("NoIF", (*_CASADI, "--no-if")),
+    Synthesis("NDPS", _CASADI),
 )
 
 ROWS: dict[str, tuple[Row, ...]] = {CLASSIC: CLASSIC_ROWS, TORCS: TORCS_ROWS}
