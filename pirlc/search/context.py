@@ -17,12 +17,14 @@ from pirlc.backend.policies import (
     python_controller,
 )
 from pirlc.backend.toolchain import QUICK_FLAGS, find_compiler
+from pirlc.diagnostics import Diagnostic
+from pirlc.ir.expansion import Expansion
 from pirlc.ir.policy import Environment, ProgramTemplate, Sketch
 from pirlc.ir.printer import program_text
 from pirlc.search.candidate import Candidate
 from pirlc.search.enumeration import Enumeration
 from pirlc.search.journal import Journal
-from pirlc.search.settings import Progress, Settings, Tell
+from pirlc.search.settings import Choice, Progress, Settings, Tell
 from pirlc.simulation.policy import PolicyFactory
 from pirlc.simulation.workers import (
     Workers,
@@ -49,6 +51,8 @@ class Search:
     `tell` is told of progress, `record` of each program with its stage, as it is met. `libraries`
     is a folder for compiled programs, where the environment runs those by itself (None: programs
     are simulated as emitted Python). In a `deterministic` environment one episode tells all.
+    `tell_choice` is told of the `choice` of the optimiser, `warn` of what is left out. `pool` are
+    the templates of `initialize`, once they are known.
     """
 
     sketch: Sketch
@@ -61,6 +65,11 @@ class Search:
     trust: bool = False
     libraries: Path | None = None
     deterministic: bool = False
+    tell_choice: Callable[[Choice], None] = lambda _: None
+    warn: Callable[[Diagnostic], None] = lambda _: None
+    choice: Choice | None = None
+    pool: list[Expansion] = field(default_factory=list)
+    told_left_out: bool = False
     met: Record = field(default_factory=list)
     _made: dict[str, PythonController | CControllerFactory] = field(default_factory=dict)
     _texts: dict[int, tuple[ProgramTemplate, str]] = field(default_factory=dict)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
 
@@ -15,11 +15,12 @@ from pirlc.oracle.network import Oracle
 from pirlc.search.candidate import Candidate
 from pirlc.search.context import Search
 from pirlc.search.neighbourhood import Neighbour
+from pirlc.search.problems import LeftOut, describe
 from pirlc.semantics.histories import HistorySet, histories_of, join
 from pirlc.simulation.policy import Ready
 from pirlc.simulation.rollout import Episode
 from pirlc.simulation.workers import collect_episodes, parallel_map
-from pirlc.tune import TuningProblem, joined, separate, tune
+from pirlc.tune import Tuning, TuningProblem, budgets, joined, separate, tune, unsuitable
 
 _BATCH = 8
 """Templates tuned between two looks at the budget; not a matter of how many processes there are,
@@ -28,11 +29,13 @@ so that a budget ends at the same place for any number."""
 
 @dataclass(frozen=True, eq=False)
 class Imitation:
-    """Histories with the oracle's action for each, `labels` (N, k) in declaration order."""
+    """Histories with the oracle's action for each, `labels` (N, k) in declaration order; `how`
+    templates are tuned to it."""
 
     oracle: Oracle
     histories: HistorySet
     labels: NDArray[np.float64]
+    how: Tuning
 
     @cached_property
     def digest(self) -> str:
@@ -43,28 +46,36 @@ class Imitation:
                 found.update(np.ascontiguousarray(columns[name]).tobytes())
         return found.hexdigest()
 
-    def tune(self, search: Search, templates: Sequence[Neighbour], stage: str) -> list[Candidate]:
-        """Parameters for each template that bring it close to the oracle.
-
-        Looks at a random sample of the histories, the same for all templates.
-        """
+    def problems(self, search: Search, templates: Sequence[Neighbour]) -> list[TuningProblem]:
+        """What tuning the templates means: on a random sample of histories, the same for all."""
         settings = search.settings
         rng = np.random.default_rng([settings.seed, len(self.labels)])
         count = min(settings.histories, len(self.labels))
         sample = np.sort(rng.choice(len(self.labels), count, replace=False))
         histories, labels = self.histories.select(sample), self.labels[sample]
-        problems = [
+        return [
             TuningProblem(n.expansion.template, histories, labels, dict(n.values))
             for n in templates
         ]
+
+    def key(self, search: Search, problem: TuningProblem, how: Tuning) -> str:
+        """Tells everything that the result of tuning depends on."""
+        count, seed = len(problem.histories), search.settings.seed
+        start, text = dict(problem.start), program_text(problem.template)
+        return f"{self.digest} {count} {seed} {budgets(how)} {start} {text}"
+
+    def tune(self, search: Search, templates: Sequence[Neighbour], stage: str) -> list[Candidate]:
+        """Parameters that bring each template close to the oracle.
+
+        Templates that the optimiser cannot take are left out.
+        """
+        how, seed = self.how, search.settings.seed
+        templates = _suited(search, templates, how)
+        problems = self.problems(search, templates)
         parts = [separate(problem) for problem in problems]
 
-        def key(part: TuningProblem) -> str:
-            start, text = dict(part.start), program_text(part.template)
-            return f"{self.digest} {count} {settings.seed} {start} {text}"
-
         def run(missing: Sequence[TuningProblem]) -> list[dict[str, float | dict[str, float]]]:
-            found = parallel_map(lambda p: tune(p, settings.seed), missing, search.workers)
+            found = parallel_map(lambda p: tune(p, seed, how), missing, search.workers)
             return [{"distance": t.distance, "values": t.values} for t in found]
 
         candidates = []
@@ -72,7 +83,8 @@ class Imitation:
             search.progress(f"tune ({stage})", done, len(problems))
             batch = range(done, min(done + _BATCH, len(problems)))
             asked = [part for i in batch for part in parts[i]]
-            answers = iter(search.journal.each("tune", asked, list(map(key, asked)), run))
+            keys = [self.key(search, part, how) for part in asked]
+            answers = iter(search.journal.each("tune", asked, keys, run))
             for i in batch:
                 found = [next(answers) for _ in parts[i]]
                 if parts[i] == (problems[i],):
@@ -94,19 +106,31 @@ class Imitation:
             factory, search.environment, seeds, search.workers, search.trust
         )
         new, labels = _labelled(search, self.oracle, episodes)
-        return Imitation(
-            self.oracle, join([self.histories, new]), np.concatenate([self.labels, labels])
-        )
+        histories = join([self.histories, new])
+        return replace(self, histories=histories, labels=np.concatenate([self.labels, labels]))
+
+
+def _suited(search: Search, templates: Sequence[Neighbour], how: Tuning) -> Sequence[Neighbour]:
+    """Those that the optimiser can take; the first time that some are left out, it is told."""
+    why = [unsuitable(n.expansion.template, how.optimizer) for n in templates]
+    reasons = tuple(reason for reason in why if reason is not None)
+    if reasons and not search.told_left_out:
+        search.told_left_out = True
+        search.warn(describe(LeftOut(how.optimizer, reasons, len(templates))))
+    return [n for n, reason in zip(templates, why, strict=True) if reason is None]
 
 
 def create_histories(search: Search, oracle: Oracle) -> Imitation:
-    """What the oracle meets and does in some episodes."""
+    """What the oracle meets and does in some episodes.
+
+    Templates are tuned as `search.settings.tuning` says (see `search.choice.with_optimizer`).
+    """
     search.progress("create_histories", 0, 1)
     seeds = search.seeds("create_histories", search.settings.create_episodes)
     episodes = collect_episodes(
         Ready(oracle), search.environment, seeds, search.workers, search.trust
     )
-    return Imitation(oracle, *_labelled(search, oracle, episodes))
+    return Imitation(oracle, *_labelled(search, oracle, episodes), search.settings.tuning)
 
 
 def _labelled(

@@ -16,12 +16,15 @@ from functools import cached_property
 from itertools import islice
 
 from pirlc.ir.expansion import Expansion, expand
+from pirlc.ir.policy import Interface
 from pirlc.search.candidate import Candidate, choose
 from pirlc.search.canonical import canonical_form
 from pirlc.search.context import Search
+from pirlc.search.enumeration import Enumeration
 from pirlc.search.neighbourhood import Neighbour, neighbourhood
 from pirlc.search.objective import Objective
 from pirlc.search.observation import GLANCE, fingerprint, probes
+from pirlc.search.settings import Settings
 from pirlc.semantics.histories import HistorySet
 
 
@@ -37,6 +40,8 @@ def ndps(search: Search, objective: Objective, *, augment: bool) -> Candidate:
             objective = objective.update_histories(search, best, turn)
         pool = neighborhood_pool(search, best)
         tuned = objective.tune(search, pool, f"iteration {turn}")
+        if not tuned:
+            return best
         closest = sorted(tuned, key=lambda candidate: (candidate.loss, candidate.size))
         program = collect_reward(search, closest, f"iteration {turn}")
         if best.mean >= program.mean:
@@ -53,14 +58,20 @@ def initialize(search: Search, objective: Objective) -> Candidate:
     try first may earn more than what is closest to the oracle.
     """
     settings = search.settings
-    templates = islice(distinct(search, _enumerated(search)), settings.pool)
-    pool = [Neighbour(expansion, ()) for expansion in templates]
+    pool = [Neighbour(expansion, ()) for expansion in first_templates(search)]
     tuned = objective.tune(search, pool, "initialize")
     by_loss = sorted(tuned, key=lambda candidate: (candidate.loss, candidate.size))
     chosen = [*_record_losses(tuned), *by_loss][: 2 * settings.simulated]
     close = list(dict.fromkeys(chosen))[: settings.simulated]
     guessed = [guess for n in pool if (guess := as_guessed(n.expansion)) is not None]
     return _most_rewarded(search, [*close, *guessed], "initialize")
+
+
+def first_templates(search: Search) -> list[Expansion]:
+    """The pool of `initialize`: the shortest templates, each once, shortest first."""
+    if not search.pool:
+        search.pool.extend(shortest(search.enumeration, search.settings))
+    return search.pool
 
 
 def as_guessed(expansion: Expansion) -> Candidate | None:
@@ -83,7 +94,9 @@ def neighborhood_pool(search: Search, program: Candidate) -> list[Neighbour]:
         largest=settings.largest,
     )
     carried = {id(n.expansion): n for n in near}
-    kept = islice(distinct(search, (n.expansion for n in near)), settings.neighbours)
+    kept = islice(
+        distinct(search.sketch.interface, (n.expansion for n in near)), settings.neighbours
+    )
     return [carried[id(expansion)] for expansion in kept]
 
 
@@ -102,9 +115,16 @@ def _most_rewarded(search: Search, programs: Sequence[Candidate], stage: str) ->
     return max(simulated, key=lambda candidate: (candidate.mean, -candidate.size))
 
 
-def distinct(search: Search, expansions: Iterable[Expansion]) -> Iterator[Expansion]:
+def shortest(enumeration: Enumeration, settings: Settings) -> Iterator[Expansion]:
+    """The `settings.pool` shortest templates, each once, made one by one."""
+    sketch = enumeration.sketch
+    every = (expand(sketch, d) for d in enumeration.shortest_first(settings.largest))
+    return islice(distinct(sketch.interface, every), settings.pool)
+
+
+def distinct(interface: Interface, expansions: Iterable[Expansion]) -> Iterator[Expansion]:
     """The first of those templates that are equal in form or by observation."""
-    histories = probes(search.sketch.interface)
+    histories = probes(interface)
     forms: set[str] = set()
     alike: dict[str, list[_Observed]] = {}
     for expansion in expansions:
@@ -129,11 +149,6 @@ class _Observed:
     @cached_property
     def closely(self) -> str:
         return fingerprint(self.expansion.template, self.histories)
-
-
-def _enumerated(search: Search) -> Iterator[Expansion]:
-    for derivations in search.enumeration.shortest_first(search.settings.largest):
-        yield expand(search.sketch, derivations)
 
 
 def _record_losses(candidates: Iterable[Candidate]) -> list[Candidate]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 from pirlc.search.candidate import Candidate
@@ -88,3 +88,28 @@ class Progress:
 
 
 Tell = Callable[[Progress], None]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A template that optimisers were compared on, with the distance that each one reached."""
+
+    size: int
+    parameters: int
+    distances: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The optimiser that a search tunes with, and why.
+
+    `means` are mean distances over the `measured` templates, by optimiser; `seconds` how long each
+    took for them on this machine, where this run measured it (a run that is resumed reads what was
+    measured). All are empty where nothing was to be measured.
+    """
+
+    optimizer: Optimizer
+    why: str
+    means: Mapping[Optimizer, float] = field(default_factory=dict)
+    measured: tuple[Measured, ...] = ()
+    seconds: Mapping[Optimizer, float] = field(default_factory=dict)

@@ -7,8 +7,9 @@ from enum import Enum
 
 from pirlc.oracle.network import Oracle
 from pirlc.search.candidate import Candidate
+from pirlc.search.choice import with_optimizer
 from pirlc.search.context import Search
-from pirlc.search.imitation import create_histories
+from pirlc.search.imitation import Imitation, create_histories
 from pirlc.search.journal import BudgetExhausted
 from pirlc.search.naive import explore
 from pirlc.search.ndps import ndps
@@ -66,7 +67,7 @@ def find_program(search: Search, oracle: Oracle | None, plan: Plan) -> Found | E
     """
     imitated: Candidate | None = None
     try:
-        objective = explore(search) if oracle is None else create_histories(search, oracle)
+        objective = explore(search) if oracle is None else _imitation(search, oracle)
         imitated = ndps(search, objective, augment=plan.augment)
         best = imitated
         if plan.refine:
@@ -77,6 +78,10 @@ def find_program(search: Search, oracle: Oracle | None, plan: Plan) -> Found | E
         return _so_far(search, imitated, Ending.BUDGET) or Ending.TIMEOUT
     except KeyboardInterrupt:
         return _so_far(search, imitated, Ending.INTERRUPTED) or Ending.INTERRUPTED
+
+
+def _imitation(search: Search, oracle: Oracle) -> Imitation:
+    return with_optimizer(search, create_histories(search, oracle))
 
 
 _SCALE_HISTORIES = 2000

@@ -2,7 +2,7 @@
 
 from pirlc.tune.how import Optimizer, Tuning
 from pirlc.tune.limits import unsuitable
-from pirlc.tune.optimizers import tune
+from pirlc.tune.optimizers import budgets, tune, tune_apart
 from pirlc.tune.problem import Tuned, TuningProblem
 from pirlc.tune.scales import natural_scales
 from pirlc.tune.separate import joined, separate
@@ -13,10 +13,12 @@ __all__ = [
     "Tuned",
     "Tuning",
     "TuningProblem",
+    "budgets",
     "joined",
     "natural_scales",
     "random_starts",
     "separate",
     "tune",
+    "tune_apart",
     "unsuitable",
 ]

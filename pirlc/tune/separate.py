@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pirlc.ir.policy import FreeParameter
+from pirlc.ir.policy import FreeParameter, ProgramTemplate
 from pirlc.ir.terms import Literal, ParameterRef, subterms
 from pirlc.tune.problem import Score, Tuned, TuningProblem
 
@@ -24,10 +24,18 @@ def separate(problem: TuningProblem) -> tuple[TuningProblem, ...]:
     does not come apart, or has nothing to tune, is its only part; an action without free parameters
     is in none.
     """
-    groups = _groups(problem)
+    groups = _groups(problem.template)
     if not groups or len(groups[0][0]) == len(problem.template.bodies):
         return (problem,)
     return tuple(_part(problem, actions, names) for actions, names in groups)
+
+
+def separate_templates(template: ProgramTemplate) -> tuple[ProgramTemplate, ...]:
+    """The templates of the parts of any problem with this template."""
+    groups = _groups(template)
+    if not groups or len(groups[0][0]) == len(template.bodies):
+        return (template,)
+    return tuple(_template_part(template, actions, names) for actions, names in groups)
 
 
 def joined(problem: TuningProblem, parts: Iterable[Mapping[str, float]]) -> Tuned:
@@ -37,11 +45,11 @@ def joined(problem: TuningProblem, parts: Iterable[Mapping[str, float]]) -> Tune
     return Score(problem).tuned(theta)
 
 
-def _groups(problem: TuningProblem) -> list[tuple[set[int], set[str]]]:
+def _groups(template: ProgramTemplate) -> list[tuple[set[int], set[str]]]:
     """Actions (by position) that share free parameters, with those parameters."""
-    free = set(problem.names)
+    free = {parameter.name for parameter in template.free}
     groups: list[tuple[set[int], set[str]]] = []
-    for number, body in enumerate(problem.template.bodies):
+    for number, body in enumerate(template.bodies):
         names = {s.name for s in subterms(body) if isinstance(s, ParameterRef)} & free
         if not names:
             continue
@@ -57,18 +65,28 @@ def _groups(problem: TuningProblem) -> list[tuple[set[int], set[str]]]:
 
 
 def _part(problem: TuningProblem, actions: set[int], names: set[str]) -> TuningProblem:
-    template, labels = problem.template, problem.labels.copy()
-    bodies = list(template.bodies)
-    for number, spec in enumerate(template.interface.actions):
+    labels = problem.labels.copy()
+    for number, spec in enumerate(problem.template.interface.actions):
         if number not in actions:
-            bodies[number] = Literal(spec.safe)
             labels[:, number] = spec.safe
-    parameters = tuple(
-        p for p in template.parameters if not isinstance(p, FreeParameter) or p.name in names
-    )
     return TuningProblem(
-        replace(template, parameters=parameters, bodies=tuple(bodies), properties=()),
+        _template_part(problem.template, actions, names),
         problem.histories,
         labels,
         {name: value for name, value in problem.start.items() if name in names},
     )
+
+
+def _template_part(
+    template: ProgramTemplate, actions: set[int], names: set[str]
+) -> ProgramTemplate:
+    bodies = tuple(
+        body if number in actions else Literal(spec.safe)
+        for number, (body, spec) in enumerate(
+            zip(template.bodies, template.interface.actions, strict=True)
+        )
+    )
+    parameters = tuple(
+        p for p in template.parameters if not isinstance(p, FreeParameter) or p.name in names
+    )
+    return replace(template, parameters=parameters, bodies=bodies, properties=())
