@@ -1,0 +1,1 @@
+"""What a program does, for a control engineer to read."""
