@@ -91,17 +91,17 @@ CLASSIC_ROWS: tuple[Row, ...] = (
     Synthesis("NDPS-BOPT", (*_BAYES, *_ALONE)),
     Lowest(),
     Synthesis("Naive", ("--no-oracle", *_ALONE)),
-    Synthesis("NoAug", ("--no-augment", *_ALONE)),
-    Synthesis("NoSketch", ("--no-sketch", *_ALONE)),
-    Synthesis("NoIF", ("--no-if", *_ALONE)),
+    Synthesis("NoAug", (*_CASADI, "--no-augment", *_ALONE)),
+    Synthesis("NoSketch", (*_CASADI, "--no-sketch", *_ALONE)),
+    Synthesis("NoIF", (*_CASADI, "--no-if", *_ALONE)),
     # `pirlc synth` with nothing but its defaults.
     Synthesis("synth"),
     Synthesis("NDPS-SMT" + REFINED, _SMT, usual=False),
     Synthesis("NDPS-BOPT" + REFINED, _BAYES, usual=False),
     Synthesis("Naive" + REFINED, ("--no-oracle",), usual=False),
-    Synthesis("NoAug" + REFINED, ("--no-augment",), usual=False),
-    Synthesis("NoSketch" + REFINED, ("--no-sketch",), usual=False),
-    Synthesis("NoIF" + REFINED, ("--no-if",), usual=False),
+    Synthesis("NoAug" + REFINED, (*_CASADI, "--no-augment"), usual=False),
+    Synthesis("NoSketch" + REFINED, (*_CASADI, "--no-sketch"), usual=False),
+    Synthesis("NoIF" + REFINED, (*_CASADI, "--no-if"), usual=False),
 )
 
 TORCS_ROWS: tuple[Row, ...] = (
