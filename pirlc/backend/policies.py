@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from pirlc.backend.files import Provenance
@@ -132,11 +133,18 @@ class CPolicy:
 
 @dataclass(frozen=True)
 class CControllerFactory:
-    """Makes policies that run a compiled controller with any parameter values; picklable."""
+    """Makes policies that run a compiled controller with any parameter values.
+
+    Picklable, with the library in the pickle: another machine has no file of that name.
+    """
 
     controller: Controller
     library: Path
     real: RealType
+
+    def __reduce__(self) -> tuple[Callable[..., CControllerFactory], tuple[object, ...]]:
+        code = self.library.read_bytes()
+        return _arrived, (self.controller, self.library, self.real, code)
 
     def with_params(self, values: Mapping[str, float]) -> CPolicy:
         """A policy with `values` for some of the parameters; the rest keep the program's."""
@@ -161,6 +169,24 @@ class CControllerFactory:
             for channel in self.controller.channels
             if channel.depth > 0 or channel.limit is not None
         )
+
+
+def _arrived(
+    controller: Controller, library: Path, real: RealType, code: bytes
+) -> CControllerFactory:
+    # Its folder's name is a hash of all that it was built from.
+    if not library.is_file():
+        library = Path(_foreign_libraries().name) / library.parent.name / library.name
+        if not library.exists():
+            library.parent.mkdir()
+            library.write_bytes(code)
+    return CControllerFactory(controller, library, real)
+
+
+@lru_cache(maxsize=1)
+def _foreign_libraries() -> TemporaryDirectory[str]:
+    """Those that came from another machine, as long as this process lives."""
+    return TemporaryDirectory(prefix="pirlc-")
 
 
 def c_controller(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import re
 import socket
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from contextlib import suppress
 from importlib.util import find_spec
 from itertools import count
 from multiprocessing.connection import Connection
+from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, assert_never
 
@@ -131,12 +133,13 @@ class _Link:
         with other:
             told = (str(other.fileno()), address, str(most or 0))
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "pirlc.simulation.cluster", *told],
+                [sys.executable, "-P", "-m", "pirlc.simulation.cluster", *told],
                 stdin=subprocess.DEVNULL,
                 stdout=self._log,
                 stderr=self._log,
                 pass_fds=[other.fileno()],
-                env={**os.environ, **_QUIET},
+                # It finds the pirlc that runs here, and nothing else than that finds.
+                env={**os.environ, **_QUIET, "PYTHONPATH": os.pathsep.join(_search_path())},
                 # Ctrl-C at the terminal is for pirlc alone.
                 start_new_session=True,
             )
@@ -203,7 +206,11 @@ class _Link:
         self._log.seek(0)
         lines = self._log.read().decode("utf-8", "replace").splitlines()
         told = [line for line in lines if "GCS" in line or "raylet" in line.lower()]
-        return told[-1].split("] ", 1)[-1].strip() if told else "the connection to it ended"
+        if not told:
+            return "the connection to it ended"
+        # [time, severity and process] file.h:12: The first sentence. Others.
+        words = re.sub(r"^(\[[^]]*\])?\s*(\([^)]*\))?\s*(\S+:\d+: )?", "", told[-1])
+        return words.strip().split(". ")[0].rstrip(".")
 
     def close(self) -> None:
         """Ends the driver, and so its work on the cluster."""
@@ -241,6 +248,10 @@ def _settle(future: Future[Any], outcome: Outcome) -> None:
             future.set_exception(failure(outcome))
         case _:
             assert_never(outcome)
+
+
+def _search_path() -> list[str]:
+    return [entry or str(Path.cwd()) for entry in sys.path]
 
 
 def _knock(address: str) -> None:

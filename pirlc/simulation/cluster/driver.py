@@ -89,7 +89,7 @@ def work_on(here: Traits, work: bytes, node: str = "") -> Outcome:
     try:
         function: Callable[[], Any] = pickle.loads(work)
     except Exception as error:
-        return NodeUnusable(socket.gethostname(), _words(error))
+        return NotShipped(f"{_words(error)} on {socket.gethostname()}")
     try:
         value = function()
     except Exception as error:

@@ -1,0 +1,146 @@
+"""A real Ray cluster on this machine, whose nodes can be killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tests.support.command_line import ROOT
+
+_PATIENCE = 60
+_MEMORY = ["--object-store-memory", "80000000"]
+_QUIET = ["--disable-usage-stats", "--log-style", "record", "--log-color", "false"]
+
+
+def free_port() -> int:
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return int(found.getsockname()[1])
+
+
+@dataclass
+class Node:
+    """A machine of the cluster: one `ray start` with all that it started."""
+
+    process: subprocess.Popen[bytes]
+
+    def processes(self) -> set[int]:
+        """Those of the node, and the workers on it."""
+        children: dict[int, set[int]] = {}
+        for entry in Path("/proc").iterdir():
+            if entry.name.isdigit():
+                try:
+                    stat = (entry / "stat").read_text()
+                except OSError:
+                    continue
+                state, parent = stat.rpartition(")")[2].split()[:2]
+                if state != "Z":
+                    children.setdefault(int(parent), set()).add(int(entry.name))
+        found = {self.process.pid}
+        ahead = [self.process.pid]
+        while ahead:
+            new = children.get(ahead.pop(), set()) - found
+            found |= new
+            ahead += new
+        return found
+
+    def kill(self) -> None:
+        """As if its power were cut."""
+        for process in self.processes():
+            try:
+                os.kill(process, signal.SIGKILL)
+            except ProcessLookupError:
+                continue
+        self.process.wait(_PATIENCE)
+
+
+@dataclass
+class LocalCluster:
+    """Nodes of one core each; the head is the first."""
+
+    folder: Path
+    port: int = field(default_factory=free_port)
+    nodes: list[Node] = field(default_factory=list)
+
+    @property
+    def address(self) -> str:
+        return f"127.0.0.1:{self.port}"
+
+    def start(self, cpus: int = 1, path: Path = ROOT) -> Node:
+        """One more node, on which `path` is where Python finds pirlc."""
+        ray = Path(sys.executable).parent / "ray"
+        if self.nodes:
+            own = ["--address", self.address]
+        else:
+            own = ["--head", "--port", str(self.port), "--include-dashboard", "false"]
+            own += ["--temp-dir", str(self.folder)]
+        own += ["--node-ip-address", "127.0.0.1", "--num-cpus", str(cpus), "--block"]
+        before = len(self.alive())
+        log = (self.folder / f"node{len(self.nodes)}.log").open("wb")
+        with log:
+            process = subprocess.Popen(
+                [str(ray), "start", *own, *_MEMORY, *_QUIET],
+                cwd=self.folder,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, "PYTHONPATH": str(path), "RAY_USAGE_STATS_ENABLED": "0"},
+                start_new_session=True,
+            )
+        node = Node(process)
+        self.nodes.append(node)
+        deadline = time.monotonic() + _PATIENCE
+        while len(self.alive()) <= before:
+            assert process.poll() is None, Path(log.name).read_text()
+            assert time.monotonic() < deadline, Path(log.name).read_text()
+            time.sleep(0.2)
+        return node
+
+    def alive(self) -> list[str]:
+        """The nodes that the head knows of."""
+        from ray._raylet import GcsClient
+
+        try:
+            socket.create_connection(("127.0.0.1", self.port), timeout=1).close()
+        except OSError:
+            return []
+        infos = GcsClient(address=self.address).get_all_node_info()
+        return [node.hex() for node, info in infos.items() if info.state == 0]
+
+    def workers(self) -> set[int]:
+        """The processes that work on tasks, on all nodes."""
+        found = set()
+        for node in self.nodes:
+            for process in node.processes():
+                try:
+                    title = Path(f"/proc/{process}/cmdline").read_bytes()
+                except OSError:
+                    continue
+                if title.startswith((b"ray::work_on", b"ray::IDLE")):
+                    found.add(process)
+        return found
+
+    def stop(self) -> None:
+        for node in reversed(self.nodes):
+            node.kill()
+
+
+@contextmanager
+def local_cluster(folder: Path, nodes: int = 2) -> Iterator[LocalCluster]:
+    """A cluster of so many nodes, all of which end with the test."""
+    # Sockets have short names.
+    cluster = LocalCluster(folder)
+    try:
+        for _ in range(nodes):
+            cluster.start()
+        yield cluster
+    finally:
+        cluster.stop()
