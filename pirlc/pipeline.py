@@ -38,11 +38,12 @@ from pirlc.report.problems import NoSimulator, NothingSoSmall, error
 from pirlc.report.request import SynthesisRequest
 from pirlc.report.run import GIVEN, SKETCH, Run, open_run
 from pirlc.search.candidate import Candidate, as_entry
+from pirlc.search.choice import require_suitable
 from pirlc.search.context import FIRST_EVALUATION_SEED, Search
 from pirlc.search.enumeration import Enumeration
 from pirlc.search.front import Front, find_front
 from pirlc.search.journal import Budget, Journal
-from pirlc.search.settings import Settings, Tell, default_settings
+from pirlc.search.settings import Choice, Settings, Tell, default_settings
 from pirlc.search.synthesis import Ending, Found, Plan, find_program
 from pirlc.semantics.policies import InterpretedPolicy
 from pirlc.simulation.environments import EnvironmentFacts, check_interface, facts
@@ -76,6 +77,7 @@ class SynthesisResult:
     search_seconds: float
     warnings: tuple[Diagnostic, ...]
     oracle: LoadedOracle | None
+    choice: Choice | None
 
 
 @dataclass(frozen=True)
@@ -85,6 +87,7 @@ class NoResult:
     ending: Ending
     search_seconds: float
     oracle: LoadedOracle | None
+    choice: Choice | None
 
 
 def synthesize(
@@ -93,10 +96,12 @@ def synthesize(
     tell_training: Callable[[TrainingProgress], None],
     tell_warnings: Callable[[tuple[Diagnostic, ...]], None] = lambda _: None,
     tell_oracle: Callable[[LoadedOracle], None] = lambda _: None,
+    tell_choice: Callable[[Choice], None] = lambda _: None,
 ) -> SynthesisResult | NoResult:
     """The whole of `pirlc synth`. Raises PirlcError for whatever is wrong with the input.
 
-    Warnings and the oracle are told as soon as they are known, before the search.
+    Warnings and the oracle are told as soon as they are known, before the search, and the choice of
+    the optimiser when it is made.
     """
     sketch, warnings = check(request.source)
     environment, known = _environment(sketch, request)
@@ -110,6 +115,8 @@ def synthesize(
     episodes = request.episodes or (_COSTLY_EPISODES if known.native else _EPISODES)
     if not any(map(Enumeration(sketch).count, range(1, settings.largest + 1))):
         raise error(NothingSoSmall(settings.largest))
+    if request.oracle is not None:
+        require_suitable(sketch, settings)
     find_compiler()  # A missing one is told before the search, not after it.
     tell_warnings(warnings)
     run = open_run(request.folder, asked_of(request, settings, episodes))
@@ -135,6 +142,8 @@ def synthesize(
             request.trust,
             Path(libraries) if known.native else None,
             known.deterministic,
+            tell_choice,
+            lambda warning: tell_warnings((warning,)),
         )
         found = find_program(search, oracle.oracle if oracle else None, request.plan)
         spent = Spent(
@@ -142,8 +151,8 @@ def synthesize(
             journal.budget.elapsed,
         )
         if isinstance(found, Ending):
-            run.write_manifest(circumstances(environment, found, spent, oracle))
-            return NoResult(found, spent.seconds, oracle)
+            run.write_manifest(circumstances(environment, found, spent, oracle, search.choice))
+            return NoResult(found, spent.seconds, oracle, search.choice)
         head = partial(provenance, request, settings.seed, oracle)
         front, found = _front(search, found)
         table = front_data(front, request.pick, deterministic=known.deterministic)
@@ -156,7 +165,15 @@ def synthesize(
         returns, ending = _evaluate(request.plan, episodes, run, search, found, oracle)
         plot = run.folder / "search.png"
         plot_search(search.met, program.size, returns.get("program"), returns.get("oracle"), plot)
-        results = partial(results_of, environment, found, spent=spent, oracle=oracle, picked=picked)
+        results = partial(
+            results_of,
+            environment,
+            found,
+            spent=spent,
+            oracle=oracle,
+            choice=search.choice,
+            picked=picked,
+        )
         run.write_manifest(results(ending=ending, returns=returns))
         dossier, ending = _dossier(run, search, program, oracle, ending)
     if ending is Ending.INTERRUPTED:
@@ -172,6 +189,7 @@ def synthesize(
         search_seconds=spent.seconds,
         warnings=warnings,
         oracle=oracle,
+        choice=search.choice,
     )
 
 

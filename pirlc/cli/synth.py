@@ -94,6 +94,12 @@ def command(session: Session, /, sketch: str, **options: Any) -> int:
         raise click.UsageError("options of the training make no sense without a training.")
     if wish.origin and wish.no_oracle:
         raise click.UsageError("--oracle and --no-oracle exclude each other.")
+    tuning = (wish.trials, wish.tune_seconds, None if wish.optimizer == "auto" else True)
+    if wish.no_oracle and any(choice is not None for choice in tuning):
+        raise click.UsageError(
+            "--optimizer, --trials and --tune-seconds make no sense with --no-oracle: parameters "
+            "are then found by return."
+        )
     if wish.no_oracle and wish.no_augment:
         raise click.UsageError(
             "--no-augment makes no sense with --no-oracle: nobody says what to do in new histories."

@@ -18,9 +18,10 @@ from pirlc.oracle.manifest import Json
 from pirlc.oracle.store import default_cache
 from pirlc.pipeline import NoResult, SynthesisResult, synthesize
 from pirlc.report.front import table
-from pirlc.report.manifest import left_out
+from pirlc.report.manifest import left_out, optimizer_data
 from pirlc.report.problems import NothingFound, describe
 from pirlc.report.request import OracleRequest, SynthesisRequest
+from pirlc.search.settings import Choice
 from pirlc.search.synthesis import Ending, Plan
 from pirlc.tune.how import Optimizer, Tuning
 
@@ -66,6 +67,7 @@ def synthesize_for(session: Session, wish: Wish) -> Ending:
             watcher.training,
             session.tell,
             lambda oracle: session.note(oracle_in_words(oracle)),
+            lambda choice: session.note(choice_in_words(choice)),
         )
     match result:
         case SynthesisResult():
@@ -82,6 +84,7 @@ def synthesize_for(session: Session, wish: Wish) -> Ending:
             "left_out": list(left_out(request.oracle, asdict(request.plan))),
             "search_seconds": round(result.search_seconds, 1),
             "oracle": None if result.oracle is None else result.oracle.origin,
+            "optimizer": optimizer_data(result.choice),
             "folder": str(wish.folder),
             **found,
         }
@@ -106,6 +109,16 @@ def oracle_in_words(oracle: LoadedOracle) -> str:
         f"oracle: {oracle.origin} ({manifest.algorithm}, seed {manifest.seed}, return "
         f"{number(manifest.score.mean)}, weights {manifest.sha256[:12]})"
     )
+
+
+def choice_in_words(choice: Choice) -> str:
+    """Which optimiser finds the parameters, and why that one."""
+    words = f"optimizer: {choice.optimizer}, {choice.why}"
+    if not choice.measured:
+        return words
+    means = ", ".join(f"{name} {mean:.4f}" for name, mean in choice.means.items())
+    count = len(choice.measured)
+    return f"{words} (mean distance over {count} template{'s' * (count > 1)}: {means})"
 
 
 def _request(wish: Wish) -> SynthesisRequest:

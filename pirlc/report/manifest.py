@@ -17,11 +17,21 @@ from pirlc.oracle.manifest import environment_as_json, to_json
 from pirlc.report.request import SynthesisRequest
 from pirlc.search.candidate import Candidate, as_entry
 from pirlc.search.context import FIRST_EVALUATION_SEED
-from pirlc.search.settings import Settings
+from pirlc.search.settings import Choice, Settings
 from pirlc.search.synthesis import Ending, Found
 from pirlc.simulation.rollout import ReturnEstimate
 
-_LIBRARIES = ("casadi", "cmaes", "gymnasium", "numpy", "scipy", "stable_baselines3", "torch")
+_LIBRARIES = (
+    "casadi",
+    "cmaes",
+    "gymnasium",
+    "numpy",
+    "optuna",
+    "scipy",
+    "stable_baselines3",
+    "torch",
+    "z3-solver",
+)
 
 
 @dataclass(frozen=True)
@@ -97,8 +107,25 @@ def provenance(
     )
 
 
+def optimizer_data(choice: Choice | None) -> dict[str, Any] | None:
+    """Which optimiser found the parameters, and why that one; None without an oracle."""
+    if choice is None:
+        return None
+    return {
+        "chosen": str(choice.optimizer),
+        "why": choice.why,
+        "mean_distances": {str(name): mean for name, mean in choice.means.items()},
+        "templates": [asdict(measured) for measured in choice.measured],
+        "seconds": {str(name): round(took, 2) for name, took in choice.seconds.items()},
+    }
+
+
 def circumstances(
-    environment: Environment, ending: Ending, spent: Spent, oracle: LoadedOracle | None
+    environment: Environment,
+    ending: Ending,
+    spent: Spent,
+    oracle: LoadedOracle | None,
+    choice: Choice | None,
 ) -> dict[str, Any]:
     """How a search went, whether it found a program or not."""
     return {
@@ -109,6 +136,7 @@ def circumstances(
         "seconds_of_search": round(spent.seconds, 1),
         "oracle": to_json(oracle.manifest) if oracle and oracle.manifest else None,
         "oracle_from": None if oracle is None else oracle.origin,
+        "optimizer": optimizer_data(choice),
     }
 
 
@@ -118,6 +146,7 @@ def results_of(
     ending: Ending,
     spent: Spent,
     oracle: LoadedOracle | None,
+    choice: Choice | None,
     returns: Mapping[str, ReturnEstimate],
     picked: int | None = None,
 ) -> dict[str, Any]:
@@ -125,7 +154,7 @@ def results_of(
     front, where the user chose it."""
     text = program_text(found.program.program)
     return {
-        **circumstances(environment, ending, spent, oracle),
+        **circumstances(environment, ending, spent, oracle, choice),
         "picked": picked,
         "program": {
             "size": found.program.size,
