@@ -116,7 +116,10 @@ def main(words: list[str] | None = None) -> int:
                 options = " ".join(row.options) if isinstance(row, Synthesis) else "-"
                 print(f"{suite}  {job.name}  {options}")
         return 0
-    signal.signal(signal.SIGTERM, _leave)
+    # SIGINT, too: a shell starts what runs in the background with SIGINT ignored, and so would be
+    # all that is started from here.
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, _leave)
     failures: list[tuple[str, str]] = []
     if not chosen.table_only:
         for suite in chosen.suite:

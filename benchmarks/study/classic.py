@@ -103,7 +103,7 @@ def synthesised(job: Job, children: Children) -> Record:
             core_seconds=took and round(took.core, 1),
             wall_seconds=took and round(took.wall, 1),
             ending=found.ending,
-            figures=figures,
+            figures={**figures, "why": found.why},
         )
     text = manifest["program"]["text"]
     code, step = reading.cost(text)
@@ -114,7 +114,7 @@ def synthesised(job: Job, children: Children) -> Record:
         "algorithm": manifest["oracle"] and manifest["oracle"]["algorithm"],
         "pairs": points,
         "rank_correlation": reading.correlation(points),
-        "optimizer": manifest.get("optimizer"),
+        "optimizer": reading.optimizer_of(manifest),
     }
     before = reading.return_of(manifest, "without refinement")
     if before is not None:

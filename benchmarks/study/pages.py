@@ -30,6 +30,7 @@ def classic_page(records: Sequence[Record]) -> str:
             ("Ablations, before refinement", tables.ablations(records, refined=False)),
             ("Ablations, refined on return", tables.ablations(records, refined=True)),
             ("`pirlc synth` with its defaults", tables.defaults(records)),
+            ("The optimiser that `pirlc synth` chose", tables.choices(records)),
             ("Cost", tables.costs(records)),
             ("Does imitation predict return?", tables.imitation(records)),
             ("Timeouts", tables.timeouts(records)),

@@ -75,7 +75,7 @@ def synthesised(job: Job, children: Children) -> Record:
             core_seconds=took and round(took.core, 1),
             wall_seconds=took and round(took.wall, 1),
             ending=found.ending,
-            figures=figures,
+            figures={**figures, "why": found.why},
         )
     text, imitated = manifest["program"]["text"], manifest["imitated"]
     races = {FINAL: race_of(text, job.place.name)}

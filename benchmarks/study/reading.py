@@ -63,6 +63,14 @@ def oracle_of(manifest: dict[str, Any]) -> str | None:
     return None if oracle is None else str(oracle["weights_sha256"])
 
 
+def optimizer_of(manifest: dict[str, Any]) -> dict[str, Any] | None:
+    """Which optimiser a run took, and why; None for a run without an oracle."""
+    found = manifest.get("optimizer")
+    if found is None:
+        return None
+    return {key: found[key] for key in ("chosen", "why", "mean_distances")}
+
+
 def program(text: str, name: str = "the program of a record") -> Program:
     """The program in a record's text."""
     from pirlc.cli.files import program_in

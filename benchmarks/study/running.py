@@ -26,8 +26,9 @@ FINISHED = (Ending.FINISHED.value, Ending.BUDGET.value, Ending.TIMEOUT.value)
 DONE = (0, 3)
 """Exit codes of a run that came to its end, with a program or with a timeout."""
 
-NONE_WITHOUT_IF = "E0435"
-"""What `pirlc synth` says where a sketch has no program without `if`."""
+NOTHING_THERE = ("E0430", "E0435")
+"""What `pirlc synth` says where the optimiser can take no template, and where a sketch has no
+program without `if`."""
 
 REFUSED = ("E0722", "E0723", "E0724")
 """What it says where the folder is not that of this run; then it changes nothing there."""
@@ -130,14 +131,15 @@ class Run:
 class Outcome:
     """What came of a run.
 
-    `manifest` is None where no program came of it; `ending` says why. `took` is None where it is
-    not known.
+    `manifest` is None where no program came of it; `ending` and `why` say the reason. `took` is
+    None where it is not known.
     """
 
     manifest: dict[str, Any] | None
     took: Took | None
     resumed: bool
     ending: str = COMPLETE
+    why: str | None = None
 
 
 def digest(path: Path) -> str:
@@ -164,8 +166,9 @@ def synthesise(run: Run, children: Children) -> Outcome:
             write_text(notes, json.dumps({"asked": run.asked, "sessions": sessions}) + "\n")
         if children.interrupted:
             raise KeyboardInterrupt
-        if code != 0 and f"error[{NONE_WITHOUT_IF}]" in said:
-            return Outcome(None, _sum(sessions), len(sessions) > 1, NONE)
+        if code != 0 and any(f"error[{refusal}]" in said for refusal in NOTHING_THERE):
+            why = said[said.index("error[") :].splitlines()[0]
+            return Outcome(None, _sum(sessions), len(sessions) > 1, NONE, why)
         manifest = finished_manifest(run.folder) if code in DONE else None
         if manifest is None:
             raise Failed(_told(run.command, code, run.log))

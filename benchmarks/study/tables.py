@@ -162,6 +162,21 @@ def defaults(records: Records) -> str:
     return table(head, rows)
 
 
+def choices(records: Records) -> str:
+    """Which optimiser `pirlc synth` chose by its own measurements."""
+    rows = []
+    for where in ENVIRONMENTS:
+        for record in of(records, "synth", where):
+            found = record.figures.get("optimizer")
+            if found is not None:
+                means = found["mean_distances"].items()
+                measured = ", ".join(f"{name} {mean:.4f}" for name, mean in means)
+                chosen = (found["chosen"], found["why"], measured or "-")
+                rows.append([where, str(record.seed), *chosen])
+    head = ("environment", "seed", "optimiser", "why", "mean distances measured")
+    return table(head, rows) if rows else ""
+
+
 def seconds(value: float | None) -> str:
     return "-" if value is None else f"{value:.0f}"
 

@@ -34,9 +34,13 @@ def words(folder: Path, *more: str, rows: tuple[str, ...] = ("Naive",)) -> list[
 
 
 def study(folder: Path, *more: str) -> subprocess.Popen[str]:
-    """In a process of its own."""
+    """In a process of its own, as a shell starts it in the background: SIGINT is ignored."""
     command = [sys.executable, "-m", "benchmarks.study", *words(folder, *more)]
-    return subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        return subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def journal(folder: Path) -> Path:
