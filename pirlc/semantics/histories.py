@@ -7,14 +7,15 @@ a sensor lie in one flat array, each trajectory preceded by its warm-up, so that
 trajectory start no history; evaluation passes over them and drops their results.)
 
 A sample of single histories has nothing to share; it is gathered instead into an array of one row
-for each element of the window.
+for each element of the window. A selection that would grow too large by that stays a view.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
+from functools import cached_property
 from itertools import pairwise
 from typing import TypeVar
 
@@ -38,6 +39,11 @@ class Layout(Enum):
     """Sensor arrays of shape (window, M); element j of the histories is row j."""
 
 
+GATHERED_BYTES = 2**28
+"""The most that `HistorySet.select` gathers: a sample as large as 4,000 histories of 64 sensors
+over a window of 64 takes half of it."""
+
+
 def dtype_of(precision: Precision) -> np.dtype[np.floating]:
     match precision:
         case Precision.BINARY64:
@@ -55,8 +61,8 @@ def _dtype_of_action(action: ActionSpec, precision: Precision) -> np.dtype[np.fl
 class HistorySet:
     """An immutable set of N histories, laid out over M >= N places.
 
-    `places` (N,) are the places of the histories, rising; all other places are gaps between
-    trajectories. `sensors` are arrays in the working precision (see `Layout`), missing readings
+    `places` (N,) are the places of the histories, in their order; at the other places are gaps
+    between trajectories, and histories of a larger set that were not selected. `sensors` are arrays in the working precision (see `Layout`), missing readings
     replaced as each sensor's declaration says; `previous` (M,) is the applied action of the step
     before, in the working precision for a continuous action and in binary64 for a discrete one.
     `status` (M,) has the bits of the readings (missing, outside the range); `failed` (M,) tells
@@ -80,10 +86,12 @@ class HistorySet:
         """M, the number of places that evaluation passes over."""
         return len(self.status)
 
-    @property
+    @cached_property
     def dense(self) -> bool:
-        """Whether every place holds a history."""
-        return len(self.places) == len(self.status)
+        """Whether the histories are the places, one after the other."""
+        return len(self.places) == len(self.status) and bool(
+            np.array_equal(self.places, np.arange(len(self.places)))
+        )
 
     def of_histories(self, at_places: NDArray[ScalarType]) -> NDArray[ScalarType]:
         """Values (M, ...) at places -> values (N, ...) of the histories."""
@@ -114,9 +122,16 @@ class HistorySet:
                 return readings[:, self.places].T
 
     def select(self, indices: ArrayLike) -> HistorySet:
-        """The histories with these numbers (0..N-1), in this order, gathered."""
+        """The histories with these numbers (0..N-1), in this order.
+
+        Gathered, if that takes no more than `GATHERED_BYTES`. Otherwise the windows stay where they
+        are, and evaluation passes over the whole set: such a selection is a large part of it.
+        """
         chosen = self.places[np.asarray(indices, dtype=np.intp)]
         length = self.interface.window
+        width = len(self.sensors) * length * dtype_of(self.precision).itemsize
+        if self.layout is Layout.FLAT and len(chosen) * width > GATHERED_BYTES:
+            return replace(self, places=_locked(chosen))
         sensors: dict[str, FloatArray] = {}
         for name, readings in self.sensors.items():
             match self.layout:

@@ -188,6 +188,7 @@ class BoundFunction:
         self.arguments = list(arguments)
         self.results = [np.zeros(function.size_out(i), order="F") for i in range(function.n_out())]
         self._buffer, self._evaluate = function.buffer()
+        self._sizes = [function.numel_in(i) for i in range(function.n_in())]
         self.bind(0, self.arguments)
         for i, result in enumerate(self.results):
             if result.size:
@@ -197,7 +198,7 @@ class BoundFunction:
         """Other arrays for the arguments from number `first` on."""
         self.arguments[first : first + len(arguments)] = arguments
         for i, argument in enumerate(arguments, first):
-            assert argument.size == self.function.numel_in(i), (i, argument.shape)
+            assert argument.size == self._sizes[i], (i, argument.shape)
             if argument.size:
                 self._buffer.set_arg(i, argument.data)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,5 +113,5 @@ class _Equations:
 def _triangle(pieces: Sequence[Rows]) -> Rows:
     """Equations as few as there are unknowns (and one), with the same least squares."""
     whole = np.concatenate([np.column_stack(piece) for piece in pieces])
-    reduced = np.linalg.qr(whole, mode="r")
+    reduced: Any = np.linalg.qr(whole, mode="r")
     return reduced[:, :-1], reduced[:, -1]

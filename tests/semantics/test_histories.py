@@ -153,3 +153,36 @@ def test_empty(trajectories: list) -> None:
     empty: HistorySet = histories_of(interface(), trajectories)
     assert (len(empty), empty.extent) == (0, 0)
     assert len(join([empty, histories_of(interface(), [trajectory([1, 2])])])) == 2
+
+
+def test_a_selection_too_large_to_gather_stays_a_view(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = histories_of(interface(), [trajectory([1, 2, 3, math.nan]), trajectory([7, 80])])
+    order = [5, 0, 3, 3]
+    gathered = whole.select(order)
+    monkeypatch.setattr("pirlc.semantics.histories.GATHERED_BYTES", 4 * 2 * 3 * 8 - 1)
+    view = whole.select(order)
+    assert (view.layout, len(view), view.extent) == (Layout.FLAT, 4, whole.extent)
+    assert all(view.sensors[name] is whole.sensors[name] for name in whole.sensors)
+    for name in ("x", "y"):
+        np.testing.assert_array_equal(view.window(name), gathered.window(name))
+        np.testing.assert_array_equal(view.element(name, -2), gathered.element(name, -2))
+    for name in ("A", "B"):
+        np.testing.assert_array_equal(
+            view.of_histories(view.previous[name]), gathered.previous[name]
+        )
+    np.testing.assert_array_equal(view.of_histories(view.status), gathered.status)
+    assert view.select([2, 0]).window("x").tolist() == gathered.select([2, 0]).window("x").tolist()
+    both = join([view, view.select(range(4))])
+    assert both.window("x").tolist() == 2 * gathered.window("x").tolist()
+
+
+def test_all_histories_in_another_order_are_not_taken_for_the_whole(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("pirlc.semantics.histories.GATHERED_BYTES", 0)
+    whole = histories_of(interface(), [trajectory([1, 2, 3, 4])])
+    assert whole.dense
+    assert whole.select(range(4)).dense
+    turned = whole.select([3, 2, 1, 0])
+    assert not turned.dense
+    assert turned.element("x", -1).tolist() == [4, 3, 2, 1]
