@@ -62,11 +62,12 @@ class HistorySet:
     """An immutable set of N histories, laid out over M >= N places.
 
     `places` (N,) are the places of the histories, in their order; at the other places are gaps
-    between trajectories, and histories of a larger set that were not selected. `sensors` are arrays in the working precision (see `Layout`), missing readings
-    replaced as each sensor's declaration says; `previous` (M,) is the applied action of the step
-    before, in the working precision for a continuous action and in binary64 for a discrete one.
-    `status` (M,) has the bits of the readings (missing, outside the range); `failed` (M,) tells
-    where a staleness limit makes every action take its safe value.
+    between trajectories, and histories of a larger set that were not selected. `sensors` are
+    arrays in the working precision (see `Layout`), missing readings replaced as each sensor's
+    declaration says; `previous` (M,) is the applied action of the step before, in the working
+    precision for a continuous action and in binary64 for a discrete one. `status` (M,) has the
+    bits of the readings (missing, outside the range); `failed` (M,) tells where a staleness limit
+    makes every action take its safe value.
     """
 
     interface: Interface
