@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pirlc.analyze.findings import Analysis
+from pirlc.analyze.reading.program import read_program
 from pirlc.backend.files import write_text
 from pirlc.diagnostics import Diagnostic, PirlcError
 from pirlc.ir.policy import Environment, Program
@@ -19,7 +20,8 @@ from pirlc.oracle.network import Oracle
 from pirlc.report.data import as_data
 from pirlc.report.manifest import sha256_of
 from pirlc.report.page import write_report
-from pirlc.report.run import ANALYSIS, VERIFICATION
+from pirlc.report.reading_words import sections
+from pirlc.report.run import ANALYSIS, READING, VERIFICATION
 from pirlc.report.traces import trace_episode, write_traces
 from pirlc.verify.findings import Verification
 from pirlc.verify.properties.asking import DEFAULT_LIMITS, Limits
@@ -63,13 +65,16 @@ def write_dossier(
     tell("analyze")
     analysis = analysis_in(program, environment, trust=trust)
     files.append(_write(folder / ANALYSIS, analysis, program))
+    reading = read_program(program, analysis)
+    said = {"sections": sections(reading), "found": reading}
+    files.append(_write(folder / READING, said, program))
     tell("trace")
     traces = trace_episode(program, environment, oracle, seed, trust=trust)
     files.append(write_traces(traces, folder))
     tell("report")
     page, data = write_report(folder)
-    said = json.loads(data.read_text(encoding="utf-8"))["head"]["verdict"]
-    verdict = tuple(line["text"] for line in said if line["about"] != "returns")
+    lines = json.loads(data.read_text(encoding="utf-8"))["head"]["verdict"]
+    verdict = tuple(line["text"] for line in lines if line["about"] != "returns")
     seconds = time.perf_counter() - start
     return Dossier(verification, analysis, verdict, (*files, page, data), seconds)
 

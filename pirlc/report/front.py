@@ -21,13 +21,12 @@ from pirlc.backend.files import not_writable, write_text
 from pirlc.ir.printer import program_text
 from pirlc.report.manifest import sha256_of
 from pirlc.report.problems import NotOnTheFront, error
+from pirlc.report.run import FRONT
 from pirlc.report.words import number
 from pirlc.search.candidate import Candidate, as_entry
 from pirlc.search.front import Front
 from pirlc.search.synthesis import Found
 from pirlc.simulation.rollout import ReturnEstimate, estimate
-
-FRONT = "front.json"
 
 Row = Mapping[str, Any]
 
@@ -137,6 +136,35 @@ def table(rows: Sequence[Row], marks: Mapping[int, str] | None = None) -> list[s
         mark = (marks or {}).get(place, "") if place else ""
         lines.append("  ".join([*right, *left, mark]).rstrip())
     return lines
+
+
+def front_page(front: Mapping[str, Any]) -> dict[str, Any]:
+    """The front as the page shows it, from `front.json`."""
+    members = [
+        {
+            "number": row["number"],
+            "size": row["size"],
+            "mean": row["return"]["mean"],
+            "low": row["return"]["low"],
+            "high": row["return"]["high"],
+            "interval": span(row["return"]),
+            "loss": less(row),
+            "mark": _mark(front, row["number"]),
+        }
+        for row in front["members"]
+    ]
+    outside = front["outside"]
+    return {
+        "episodes": front["episodes"],
+        "members": members,
+        "outside": outside and {"size": outside["size"], "mean": outside["return"]["mean"]},
+    }
+
+
+def _mark(front: Mapping[str, Any], number: int) -> str:
+    if number == front["picked"]:
+        return "picked"
+    return "the search's own" if number == front["chosen"] else ""
 
 
 def span(found: Mapping[str, Any]) -> str:

@@ -13,10 +13,11 @@ from pirlc.diagnostics import PirlcError
 from pirlc.frontend import parse_sketch
 from pirlc.ir.policy import Environment, Interface
 from pirlc.ir.printer import environment_text
+from pirlc.report.front import front_page
 from pirlc.report.manifest import left_out
 from pirlc.report.page_plots import MOST_STEPS
 from pirlc.report.page_search import search_data
-from pirlc.report.run import ANALYSIS, TRACES, VERIFICATION
+from pirlc.report.run import ANALYSIS, FRONT, READING, TRACES, VERIFICATION
 from pirlc.report.stored import Stored, understanding
 from pirlc.report.verdict import verdict
 from pirlc.report.words import interval
@@ -61,12 +62,18 @@ def page_data(stored: Stored) -> dict[str, Any]:
         head["verdict"] = verdict(
             returns, verification, stored.analysis, with_program=program is not None
         )
+    with understanding(READING):
+        reading = None if stored.reading is None else {"sections": stored.reading["sections"]}
+    with understanding(FRONT):
+        front = None if stored.front is None else front_page(stored.front)
     return {
         "format": FORMAT,
         "head": head,
         "missing": list(_missing(stored, program, returns, search)),
         "program": program,
+        "reading": reading,
         "returns": returns,
+        "front": front,
         "search": search,
         "traces": stored.traces,
         "limits": _limits(stored.traces),
@@ -243,6 +250,11 @@ def _missing(
         yield (
             f"Nothing is proved here: {_where(stored, VERIFICATION)}. `pirlc verify` proves the "
             "properties of a program by itself."
+        )
+    if stored.reading is None:
+        yield (
+            f"The program is not told in words: {_where(stored, READING)}. `pirlc explain-program` "
+            "does so for a program by itself."
         )
     if stored.analysis is None:
         yield (

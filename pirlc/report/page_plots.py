@@ -34,6 +34,8 @@ def page_plots(data: Data) -> dict[str, str]:
             found["iterations"] = _iterations(data["search"]["iterations"])
     if data["returns"] is not None:
         found["returns"] = _returns(data["returns"]["subjects"])
+    if data["front"] is not None:
+        found["front"] = _front(data["front"])
     if data["traces"] is not None:
         found["traces"] = _traces(data["traces"])
     if data["verification"] is not None:
@@ -131,6 +133,32 @@ def _returns(subjects: Sequence[Data]) -> str:
         axes.margins(x=0.1)
         axes.set_xlabel("return")
         return svg_of(figure, "returns", title)
+
+
+def _front(front: Data) -> str:
+    title = "The programs to choose from: return against size"
+    members = sorted(front["members"], key=lambda row: row["size"])
+    sizes, means = [row["size"] for row in members], [row["mean"] for row in members]
+    with drawing("front", 3.0) as figure:
+        axes = figure.add_subplot()
+        axes.plot(sizes, means, drawstyle="steps-post", color=_GREY, linewidth=1)
+        for row in members:
+            if row["low"] is not None and row["high"] is not None:
+                axes.plot([row["size"]] * 2, [row["low"], row["high"]], "_-", color=_BLUE)
+            axes.annotate(
+                str(row["number"]), (row["size"], row["mean"]), (5, 4), textcoords="offset points"
+            )
+        axes.plot(sizes, means, "o", color=_BLACK, markersize=5, label="on the front")
+        if front["outside"] is not None:
+            axes.plot(
+                [front["outside"]["size"]], [front["outside"]["mean"]], "D", color=_ORANGE,
+                markersize=5, label="the search's own",
+            )  # fmt: skip
+            _legend(axes)
+        axes.margins(x=0.12, y=0.12)
+        axes.set_xlabel("size (nodes)")
+        axes.set_ylabel("mean return")
+        return svg_of(figure, "front", title)
 
 
 # Traces

@@ -14,6 +14,7 @@
     DIR/traces.json         the program beside the oracle over one unseen episode
     DIR/verification.json   what was proved, refuted, tested
     DIR/analysis.json       control-theory figures
+    DIR/reading.json        the program in words and small tables
     DIR/report.html         the page of the run; DIR/report.json has all that it shows
 """
 
@@ -31,6 +32,7 @@ from pirlc.report.problems import DamagedRun, ForeignFolder, OtherRun, error
 MANIFEST = "manifest.json"
 SKETCH, GIVEN = "sketch.pirl", "sketch.given.pirl"
 TRACES, VERIFICATION, ANALYSIS = "traces.json", "verification.json", "analysis.json"
+READING, FRONT = "reading.json", "front.json"
 PAGE, PAGE_DATA = "report.html", "report.json"
 
 

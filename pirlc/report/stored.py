@@ -10,7 +10,16 @@ from pathlib import Path
 from typing import Any
 
 from pirlc.report.problems import DamagedFile, NoRun, error
-from pirlc.report.run import ANALYSIS, GIVEN, MANIFEST, SKETCH, TRACES, VERIFICATION
+from pirlc.report.run import (
+    ANALYSIS,
+    FRONT,
+    GIVEN,
+    MANIFEST,
+    READING,
+    SKETCH,
+    TRACES,
+    VERIFICATION,
+)
 
 _CANDIDATES = "candidates.jsonl"
 
@@ -29,6 +38,8 @@ class Stored:
     traces: Mapping[str, Any] | None
     verification: Mapping[str, Any] | None
     analysis: Mapping[str, Any] | None
+    reading: Mapping[str, Any] | None
+    front: Mapping[str, Any] | None
     emitted: tuple[tuple[str, int], ...]
     header: str | None
     others: tuple[str, ...]
@@ -59,6 +70,8 @@ def read_stored(folder: Path) -> Stored:
         findings[TRACES],
         findings[VERIFICATION],
         findings[ANALYSIS],
+        findings[READING],
+        findings[FRONT],
         tuple(_emitted(folder)),
         _text(headers[0]) if headers else None,
         others,
@@ -74,7 +87,7 @@ def _findings(
         digest = None if program is None else program["sha256"]
     findings: dict[str, Mapping[str, Any] | None] = {}
     others = []
-    for name in (TRACES, VERIFICATION, ANALYSIS):
+    for name in (TRACES, VERIFICATION, ANALYSIS, READING, FRONT):
         found = _json(folder, name)
         with understanding(name):
             if found is not None and found["program_sha256"] != digest:
