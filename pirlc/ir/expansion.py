@@ -168,7 +168,7 @@ class _Names:
         self._locals = set()
 
     def local(self, wish: str) -> str:
-        name = _unused(wish, self._global | self._locals)
+        name = _unused(wish, self._global, self._locals)
         self._locals.add(name)
         self._all_locals.add(name)
         return name
@@ -179,7 +179,7 @@ class _Names:
             # Of a long name the hole's part says more than the action's.
             action = self._action[: max(1, NAME_LIMIT - 1 - len(hole.name))]
             wish = f"{action}_{hole.name}"[:NAME_LIMIT]
-            name = _unused(wish, self._global | self._all_locals)
+            name = _unused(wish, self._global, self._all_locals)
             self._global.add(name)
             self._holes[key] = name
             self.parameters.append(FreeParameter(name, hole.lower, hole.upper, hole.guess))
@@ -187,11 +187,11 @@ class _Names:
         return self._holes[key]
 
 
-def _unused(wish: str, taken: set[str]) -> str:
-    if wish not in taken:
+def _unused(wish: str, taken: set[str], too: set[str]) -> str:
+    if wish not in taken and wish not in too:
         return wish
     number = 2
-    while (name := _numbered(wish, number)) in taken:
+    while (name := _numbered(wish, number)) in taken or name in too:
         number += 1
     return name
 

@@ -6,6 +6,7 @@ they compute (`search.observation`).
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import assert_never
 
 from pirlc.ir.operators import COMMUTATIVE, Operator
@@ -38,18 +39,25 @@ _MIRRORED = {Operator.GREATER: Operator.LESS, Operator.GREATER_EQUAL: Operator.L
 
 def canonical_order(template: ProgramTemplate) -> tuple[str, ...]:
     """The free parameters in the order in which the canonical form meets them."""
-    bodies = [_sorted(body, _bounds(template)) for body in template.bodies]
-    free = {p.name for p in template.free}
-    met = (s.name for b in bodies for s in subterms(b) if isinstance(s, ParameterRef))
-    return tuple(dict.fromkeys(name for name in met if name in free))
+    return _order(template, _bodies(template, _bounds(template)))
 
 
 def canonical_form(template: ProgramTemplate) -> str:
     """Equal for templates that differ by commutation, mirrored comparisons and renaming only."""
     bounds = _bounds(template)
-    bodies = [_sorted(body, bounds) for body in template.bodies]
-    numbers = {name: f"?{i}{bounds[name]}" for i, name in enumerate(canonical_order(template))}
+    bodies = _bodies(template, bounds)
+    numbers = {name: f"?{i}{bounds[name]}" for i, name in enumerate(_order(template, bodies))}
     return "; ".join(_text(body, numbers, _local_names(body)) for body in bodies)
+
+
+def _bodies(template: ProgramTemplate, bounds: dict[str, str]) -> list[Term]:
+    return [_sorted(body, bounds)[0] for body in template.bodies]
+
+
+def _order(template: ProgramTemplate, bodies: list[Term]) -> tuple[str, ...]:
+    free = {p.name for p in template.free}
+    met = (s.name for b in bodies for s in subterms(b) if isinstance(s, ParameterRef))
+    return tuple(dict.fromkeys(name for name in met if name in free))
 
 
 def _local_names(body: Term) -> dict[str, str]:
@@ -74,26 +82,34 @@ def _bounds(template: ProgramTemplate) -> dict[str, str]:
     }
 
 
-def _sorted(term: Term, bounds: dict[str, str]) -> Term:
-    """Arguments of commutative operators in the order of their anonymous texts."""
-    new = tuple(_sorted(child, bounds) for child in children(term))
-    term = with_children(term, new) if new else term
+def _sorted(term: Term, bounds: dict[str, str]) -> tuple[Term, str]:
+    """Arguments of commutative operators in the order of their anonymous texts; and that text.
+
+    Each text is put together from those below it, once: a sum may be long.
+    """
+    below = [_sorted(child, bounds) for child in children(term)]
     match term:
-        case Apply(operator, (left, right)) if operator in _MIRRORED:
-            return Apply(_MIRRORED[operator], (right, left))
-        case Apply(operator, (left, right)) if operator in COMMUTATIVE:
-            ordered = sorted((left, right), key=lambda t: _text(t, bounds, {}, anonymous=True))
-            return Apply(operator, tuple(ordered))
+        case Apply(operator) if operator in _MIRRORED:
+            term = replace(term, operator=_MIRRORED[operator])
+            below.reverse()
+        case Apply(operator) if operator in COMMUTATIVE:
+            below.sort(key=lambda child: child[1])
         case _:
-            return term
+            pass
+    if below:
+        term = with_children(term, tuple(child for child, _ in below))
+    return term, _written(term, [text for _, text in below], bounds, None)
 
 
-def _text(
-    term: Term, parameters: dict[str, str], local_names: dict[str, str], *, anonymous: bool = False
+def _text(term: Term, parameters: dict[str, str], local_names: dict[str, str]) -> str:
+    below = [_text(child, parameters, local_names) for child in children(term)]
+    return _written(term, below, parameters, local_names)
+
+
+def _written(
+    term: Term, below: list[str], parameters: dict[str, str], local_names: dict[str, str] | None
 ) -> str:
-    def go(sub: Term) -> str:
-        return _text(sub, parameters, local_names, anonymous=anonymous)
-
+    """A node with the texts of its children; without `local_names` anonymous."""
     match term:
         case Literal(value):
             return repr(value)
@@ -104,25 +120,25 @@ def _text(
         case SensorRef(name):
             return f"s:{name}"
         case LocalRef(name):
-            return "x" if anonymous else local_names.get(name, name)
+            return "x" if local_names is None else local_names.get(name, name)
         case PreviousAction(action):
             return f"previous:{action}"
         case ActionRef(action, raw):
             return f"{'raw' if raw else 'act'}:{action}"
-        case Apply(operator, arguments):
-            return f"({operator.value} {' '.join(map(go, arguments))})"
-        case Peek(sequence, index):
-            return f"(peek {go(sequence)} {index})"
-        case Fold(operator, sequence):
-            return f"(fold {operator.value} {go(sequence)})"
-        case FoldLambda(_, _, body, sequence, initial):
-            return f"(fold {go(body)} {go(sequence)} {go(initial)})"
-        case Diff(sequence):
-            return f"(diff {go(sequence)})"
-        case If(condition, consequent, alternative):
-            return f"(if {go(condition)} {go(consequent)} {go(alternative)})"
-        case Let(_, value, body):
-            return f"(let {go(value)} {go(body)})"
+        case Apply(operator):
+            return f"({operator.value} {' '.join(below)})"
+        case Peek(_, index):
+            return f"(peek {below[0]} {index})"
+        case Fold(operator):
+            return f"(fold {operator.value} {below[0]})"
+        case FoldLambda():
+            return f"(fold {' '.join(below)})"
+        case Diff():
+            return f"(diff {below[0]})"
+        case If():
+            return f"(if {' '.join(below)})"
+        case Let():
+            return f"(let {' '.join(below)})"
         case Hole() | RuleCall():
             raise AssertionError("a program template has no open choices")
         case _:

@@ -44,6 +44,7 @@ class Enumeration:
         self._uses: dict[tuple[str, int], tuple[bool, ...]] = {}
         self._count_call = lru_cache(maxsize=None)(self._count_call_uncached)
         self._kept: list[Term] = []
+        self._sums: dict[tuple[tuple[int, ...], int], int] = {}
         self._least = _least_derivations(sketch)
 
     def count(self, total: int) -> int:
@@ -185,11 +186,15 @@ class Enumeration:
         first, rest = wanted[0], wanted[1:]
         if not rest:
             return self._count_call(_Key(first), total)
-        return sum(
-            here_count * self._count_shapes(rest, total - here)
-            for here in range(1, total - len(rest) + 1)
-            if (here_count := self._count_call(_Key(first), here))
-        )
+        # Kept: of three calls, the pairs of the last two are asked for again and again.
+        key = (tuple(map(id, wanted)), total)
+        if key not in self._sums:
+            self._sums[key] = sum(
+                here_count * self._count_shapes(rest, total - here)
+                for here in range(1, total - len(rest) + 1)
+                if (here_count := self._count_call(_Key(first), here))
+            )
+        return self._sums[key]
 
     def _count_call_uncached(self, key: _Key, total: int) -> int:
         call = key.call
