@@ -18,6 +18,7 @@ from pirlc.search.settings import Progress, Settings
 from pirlc.search.synthesis import Ending, Plan
 from pirlc.simulation.workers import Workers
 from pirlc.source import SourceText
+from pirlc.tune.how import Optimizer
 from tests.support.oracles import save_balancer
 
 SKETCH = """policy pole
@@ -41,6 +42,7 @@ SMALL = Settings(
     episodes=10,
     refined=2,
     refine_episodes=600,
+    optimizer=Optimizer.CASADI,
 )
 
 
@@ -102,13 +104,17 @@ def test_what_a_run_leaves(whole: SynthesisResult) -> None:
     assert set(result.returns) == {"program", "emitted C", "oracle", "without refinement"}
     source = SourceText("pole.pirl", result.program_file.read_text())
     assert close(parse_sketch(source)) == result.program
-    assert {path.relative_to(folder).as_posix() for path in result.files} == {
+    assert result.front is not None
+    front = {f"front/{member['number']}.pirl" for member in result.front["members"]}
+    assert {path.relative_to(folder).as_posix() for path in result.files} == front | {
+        "front.json",
         "c/pole.c",
         "c/pole.h",
         "python/pole.py",
         "search.png",
         "verification.json",
         "analysis.json",
+        "reading.json",
         "traces.json",
         "report.html",
         "report.json",

@@ -65,7 +65,9 @@ def test_a_run_by_itself(run, reported):
     text, data = reported(run)
     page = Page(text)
     check_figures(page, data)
-    assert sections(page) == ["program", "returns", "search", "resources", "sketch"]
+    assert sections(page) == [
+        "program", "reading", "returns", "front", "search", "resources", "sketch"
+    ]  # fmt: skip
     assert [line.split(":")[0] for line in data["missing"]] == [
         "There are no action traces",
         "Nothing is proved here",
@@ -228,7 +230,7 @@ def test_a_run_that_has_only_begun(tmp_path, reported, run):
     page = Page(text)
     check_figures(page, data)
     assert (data["head"]["policy"], data["head"]["environment"]) == ("begun", None)
-    assert len(data["missing"]) == 5
+    assert len(data["missing"]) == 6
 
 
 def test_an_interrupted_run_says_what_was_not_measured(interrupted, reported):
@@ -239,6 +241,7 @@ def test_an_interrupted_run_says_what_was_not_measured(interrupted, reported):
         "Returns were not measured",
         "There are no action traces",
         "Nothing is proved here",
+        "The program is not told in words",
         "No control-theory figures",
     ]
     assert sections(page) == ["program", "search", "resources", "sketch"]
@@ -256,6 +259,27 @@ def test_findings_about_another_program_are_not_shown(full, reported):
         "before. `pirlc verify` proves the properties of a program by itself."
     ]
     assert "verification has not been run" in text
+
+
+def test_the_program_in_words(shown):
+    (head, sensors, push) = shown.data["reading"]["sections"]
+    assert head["title"] == "pole"
+    assert sensors["parts"][0]["headings"][0] == "sensor"
+    assert push["title"] == "Push one of {0, 1}"
+    texts = {found.pointer: found.text for found in Page(shown.text).shown}
+    assert texts["/reading/sections/2/parts/0/rows/0/1"] == "push right"
+    assert texts["/reading/sections/2/parts/0/rows/1/2"] == "otherwise"
+
+
+def test_the_programs_to_choose_from(shown, synthesised):
+    stored = json.loads((shown.page.parent / "front.json").read_text())
+    members = shown.data["front"]["members"]
+    assert [m["size"] for m in members] == [m["size"] for m in stored["members"]]
+    assert stored["program_sha256"] == shown.data["program"]["sha256"]
+    page = Page(shown.text)
+    assert any(s.tag == "figure" and s.pointer == "/front/members" for s in page.shown)
+    assert {m["mark"] for m in members} <= {"", "the search's own"}
+    assert shown.data["front"]["episodes"] == synthesised.front["episodes"] == 10
 
 
 def test_traces_of_many_steps_and_without_an_oracle(full, reported):

@@ -7,7 +7,10 @@ from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from typing import Any
 
-SECTIONS = ["program", "returns", "proofs", "traces", "analysis", "search", "resources", "sketch"]
+SECTIONS = [
+    "program", "reading", "returns", "front", "proofs", "traces", "analysis", "search", "resources",
+    "sketch",
+]  # fmt: skip
 """Of a page on which nothing is missing, in their order."""
 
 _VOID = {"meta", "link", "br", "img", "hr", "path", "use", "rect"}
