@@ -75,8 +75,8 @@ def jobs_of(suite: str, chosen: argparse.Namespace) -> list[Job]:
 
 
 TORCS_EPISODES = 10
-"""Fewer than the 50 of `pirlc synth`: what counts here is the race of three laps, and the oracle and
-the reference interpreter take as long for fifty episodes as the search does."""
+"""Fewer than the 50 of `pirlc synth`: what counts here is the race of three laps, and the oracle
+and the reference interpreter take as long for fifty episodes as the search does."""
 
 
 def _seedless(suite: str, method: str, seed: int, chosen: argparse.Namespace) -> bool:
