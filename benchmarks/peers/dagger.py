@@ -10,7 +10,8 @@ Algorithm 1 of the paper, with its names:
     the best of pi_1..pi_N by cross-validation
 
 The size of a tree is limited by its leaves, one run of the algorithm for each limit. Without Q
-values all weights are 1: plain DAgger (Ross et al., 2011), which is another method.
+values all weights are 1: plain DAgger (Ross et al., 2011), which is another method; between them
+stands `viper-logits`, for oracles trained by policy gradients.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ import numpy as np
 from benchmarks.peers.simulators import KINDS, episodes_of, returns_of
 from benchmarks.peers.tasks import Array, Task, labels
 from benchmarks.peers.trees import Tree, from_sklearn, predict
-from pirlc.oracle.network import NetworkOracle
+from pirlc.oracle.network import Greedy, NetworkOracle
 
 VALIDATION = range(600_000, 600_200)
 """Episodes that every tree is judged on."""
@@ -39,7 +40,7 @@ _TRAINING = 700_000
 class Settings:
     """`iterations`: N; `episodes`: M; `samples`: the size of D'; `finalists`: of the run-off."""
 
-    iterations: int = 40
+    iterations: int = 30
     episodes: int = 20
     samples: int = 20_000
     finalists: int = 5
@@ -79,6 +80,22 @@ def q_weights(oracle: NetworkOracle, environment: str, algorithm: str) -> Weigh:
         values = oracle.values(observations)
         assert values is not None
         spread: Array = values.max(axis=1) - values.min(axis=1)
+        return spread
+
+    return weigh
+
+
+def logit_weights(oracle: NetworkOracle, environment: str, algorithm: str) -> Weigh:
+    """Log-probabilities of a policy gradient's network in the place of Q values, as maximum-entropy
+    reinforcement learning reads them. Raises NoValues for one without probabilities."""
+    head = oracle.head
+    if not isinstance(head, Greedy) or head.rated:
+        raise NoValues(environment, algorithm)
+
+    def weigh(observations: Array) -> Array:
+        # The softmax's denominator is the same for all actions.
+        logits = oracle.network.forward(observations).astype(np.float64)
+        spread: Array = logits.max(axis=1) - logits.min(axis=1)
         return spread
 
     return weigh

@@ -124,7 +124,8 @@ def c_source(program: Program) -> CSource:
         f"void peer_reset(void)\n{{\n    {stem}_reset(&state);\n}}\n"
         "void peer_step(const double *r, double *a)\n{\n"
         f"    {stem}_observation in;\n    {stem}_action out;\n{take or '    in.unused = 0u;'}"
-        f"    (void)r;\n    (void){stem}_step(&{stem}_default_params, &state, &in, &out);\n{give}}}\n"
+        f"    (void)r;\n    (void){stem}_step(&{stem}_default_params, &state, &in, &out);\n"
+        f"{give}}}\n"
     )
     roots = tuple(f"{stem}_{name}" for name in ("reset", "step", "default_params"))
     return CSource(files, f"{stem}.c", adapter, roots)
@@ -162,6 +163,6 @@ def _random(program: Program, steps: int) -> Array:
     width = max((index for index, _, _ in sensors), default=0) + 1
     rows = np.zeros((steps, width))
     generator = np.random.default_rng(0)
-    for index, lower, upper in sensors:
-        rows[:, index] = generator.uniform(lower, upper, steps)
+    for index, least, most in sensors:
+        rows[:, index] = generator.uniform(least, most, steps)
     return rows

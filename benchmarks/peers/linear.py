@@ -82,23 +82,26 @@ def _means(task: Task, candidates: Array, rows: int, seeds: range) -> Array:
         return _actions(task, sums)
 
     repeated = list(seeds) * len(candidates)
-    return returns_of_various(task.environment, policy, repeated).reshape(-1, count).mean(axis=1)
+    returns = returns_of_various(task.environment, policy, repeated).reshape(-1, count)
+    means: Array = returns.mean(axis=1)
+    return means
 
 
 def _scaled(task: Task, x: Array, rows: int) -> Array:
     """The search is in units of the sensors' ranges, and of the action's."""
-    weights = x.reshape(rows, -1) / np.append(task.scales, 1.0)
+    weights: Array = x.reshape(rows, -1) / np.append(task.scales, 1.0)
     # A sum of the readings' size reaches the bounds of a continuous action.
     return weights if task.discrete else weights * task.bounds[1]
 
 
 def _actions(task: Task, sums: Array) -> Array:
+    """(N, 1) for sums (N, r)."""
     if not task.discrete:
-        return np.clip(sums, *task.bounds)
+        return np.asarray(np.clip(sums, *task.bounds))
     values = np.array(task.values, float)
     if sums.shape[1] == 1:
-        return np.where(sums > 0, values[-1], values[0])
-    return values[sums.argmax(axis=1)][:, np.newaxis]
+        return np.asarray(np.where(sums > 0, values[-1], values[0]))
+    return np.asarray(values[sums.argmax(axis=1)][:, np.newaxis])
 
 
 def program_of(found: Linear, task: Task) -> Program:

@@ -22,12 +22,12 @@ from pirlc.ir.printer import program_text
 from pirlc.oracle.store import StoredOracle
 
 SUITE = "peers"
-LEAVES = (2, 3, 4, 5, 6, 7, 8, 12, 16, 32, 64)
+LEAVES = (2, 3, 4, 5, 6, 7, 8, 16, 32, 64)
 LENGTHS = (12, 30)
 """The most nodes, as pyoperon counts them, of a formula."""
 
-WITH_VALUES = {"CartPole-v0": "duel-ddqn", "CartPole-v1": "duel-ddqn"}
-"""Where pirlc's own oracle has no Q values: an algorithm that learns them, and that gets as far."""
+WITH_VALUES = dict.fromkeys(("CartPole-v0", "CartPole-v1", "Acrobot-v1"), "duel-ddqn")
+"""Where pirlc's own oracle has no Q values: an algorithm that learns them."""
 
 
 @dataclass
@@ -89,7 +89,7 @@ class Job:
 def run(job: Job, effort: Effort) -> Record:
     """Raises SystemExit where a method cannot do what it is asked."""
     match job.method:
-        case "viper" | "dagger-tree":
+        case "viper" | "viper-logits" | "dagger-tree":
             return _tree(job, effort.dagger)
         case "cma-linear" | "cma-argmax":
             return _linear(job, effort.linear)
@@ -106,6 +106,8 @@ def _tree(job: Job, settings: dagger.Settings) -> Record:
     weigh: dagger.Weigh = dagger.unit_weights
     if job.method == "viper":
         weigh = dagger.q_weights(stored.oracle, job.environment, stored.manifest.algorithm)
+    elif job.method == "viper-logits":
+        weigh = dagger.logit_weights(stored.oracle, job.environment, stored.manifest.algorithm)
     assert job.number is not None
     with measured() as spent:
         grown = dagger.grow(chosen, stored.oracle, weigh, job.number, job.seed, settings)
@@ -239,6 +241,8 @@ def jobs(environment: str, seed: int) -> list[Job]:
         chosen += [at("viper", number=n, algorithm=values) for n in LEAVES]
     if values is not None:
         chosen.append(at("onnx", algorithm=values))
+    if environment in ("CartPole-v0", "CartPole-v1", "Acrobot-v1"):
+        chosen += [at("viper-logits", number=n) for n in LEAVES]
     if environment != "MountainCar-v0":
         chosen += [at("dagger-tree", number=n) for n in LEAVES]
     return chosen

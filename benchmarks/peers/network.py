@@ -43,9 +43,10 @@ class OnnxPolicy:
     def actions(self, observations: Array) -> Array:
         """(N, 1) for (N, d)."""
         found = self._run(observations.astype(np.float32))
-        if isinstance(self.oracle.head, Bounded):
-            return found.astype(np.float64)
-        return np.asarray(self.oracle.head.values, np.float64)[found]
+        head = self.oracle.head
+        chosen = found if isinstance(head, Bounded) else np.asarray(head.values)[found]
+        wide: Array = chosen.astype(np.float64)
+        return wide
 
     def _run(self, x: Any) -> Any:
         return self.session.run(None, {"observation": x})[0]

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,7 +166,7 @@ KINDS = {
 
 @lru_cache(maxsize=64)
 def _starts(environment: str, seeds: Sequence[int]) -> Array:
-    simulator = shared_simulator(Environment(environment)).unwrapped
+    simulator: Any = shared_simulator(Environment(environment)).unwrapped
     states = []
     for seed in seeds:
         simulator.reset(seed=seed)

@@ -135,9 +135,9 @@ def _positive(formula: Term) -> Term:
 
 def _term(task: Task, node: ast.expr) -> Term:
     match node:
-        case ast.Constant(value):
+        case ast.Constant(float() | int() as value):
             return Literal(float(value))
-        case ast.UnaryOp(ast.USub(), ast.Constant(value)):
+        case ast.UnaryOp(ast.USub(), ast.Constant(float() | int() as value)):
             return Literal(-float(value))
         case ast.UnaryOp(ast.USub(), operand):
             return Apply(Operator.NEGATE, (_term(task, operand),))

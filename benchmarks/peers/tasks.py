@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -28,6 +28,7 @@ from pirlc.ir.terms import (
     transform,
 )
 from pirlc.ir.types import Discrete
+from pirlc.oracle.manifest import Json
 from pirlc.oracle.network import NetworkOracle
 from pirlc.oracle.settings import default_algorithm
 from pirlc.oracle.store import StoredOracle, default_cache
@@ -130,13 +131,35 @@ def _newest(term: Term) -> Term:
     return replace(term, length=1) if isinstance(term, SensorRef) else term
 
 
+SETTINGS: Mapping[tuple[str, str], Mapping[str, Json]] = {
+    # The general row of duel-ddqn ends at -362 there.
+    ("Acrobot-v1", "duel-ddqn"): {
+        "steps": 60_000,
+        "scale": False,
+        "episodes": 30,
+        "evaluate_every": 5_000,
+        "acceptable": -90,
+        "learning_rate": 0.0006,
+        "batch_size": 128,
+        "exploration_fraction": 0.12,
+        "exploration_final_eps": 0.1,
+        "target_update_interval": 250,
+        "hold": 4.0,
+        "n_steps": 1,
+    }
+}
+"""Of trainings that pirlc has no good settings for."""
+
+
 def oracle(environment: str, seed: int, algorithm: str | None = None) -> StoredOracle:
     """What `pirlc oracle train` gives for the example's sketch, trained if it is not cached."""
     where = Environment(environment)
     known = facts(where)
-    # CartPole-v0's own row is that of any environment: so it was trained for `pirlc synth`.
     name = algorithm or default_algorithm(known)
-    return train_or_load(plan(where, known, algorithm=name, seed=seed), default_cache())
+    chosen = SETTINGS.get((environment, name), {})
+    return train_or_load(
+        plan(where, known, algorithm=name, seed=seed, overrides=chosen), default_cache()
+    )
 
 
 def labels(of: NetworkOracle, observations: Array) -> Array:

@@ -80,7 +80,8 @@ def by_emlearn(fitted: Any) -> CSource:
     )
     adapter = (
         "#include <stdint.h>\n"
-        f"{kind} tree_predict(const float *features, int32_t length);\n{_DECLARED}{_NO_STATE}{known}"
+        f"{kind} tree_predict(const float *features, int32_t length);\n"
+        f"{_DECLARED}{_NO_STATE}{known}"
         "void peer_step(const double *r, double *a)\n{\n"
         f"    float features[{width}];\n    {kind} found;\n    int k;\n"
         f"    for (k = 0; k < {width}; k++) {{\n        features[k] = (float)r[k];\n    }}\n"

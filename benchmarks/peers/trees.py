@@ -65,7 +65,8 @@ def predict(fitted: Any, observations: Array) -> Array:
     values = fitted.tree_.value[:, 0, :]
     classes = getattr(fitted, "classes_", None)
     answers = values[:, 0] if classes is None else classes[values.argmax(axis=1)]
-    return answers.astype(np.float64)[where][:, np.newaxis]
+    chosen: Array = answers.astype(np.float64)[where][:, np.newaxis]
+    return chosen
 
 
 def program_of(tree: Tree, task: Task) -> Program:
