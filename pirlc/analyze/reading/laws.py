@@ -6,11 +6,10 @@ import math
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 
-from pirlc.analyze.pid import pid_gains
 from pirlc.analyze.reading.findings import Gain, Kind, Law, Limit
 from pirlc.analyze.reading.ranges import Box, Interval, range_of
 from pirlc.analyze.reading.sums import Function, Sum, scaled
-from pirlc.analyze.reading.wording import dense_weights, number, sum_text
+from pirlc.analyze.reading.wording import dense_weights, gains_in, number, sum_text
 from pirlc.analyze.tangent import Earlier, Reading
 from pirlc.ir.policy import ActionSpec, Continuous
 
@@ -48,7 +47,7 @@ def gains_of(total: Sum) -> tuple[Gain, ...]:
     found = []
     for sensor in sensors:
         dense = dense_weights(sensor, weights)
-        gains = pid_gains(dense)
+        gains = gains_in(dense)
         kp, ki, kd, window = gains or (None, None, None, len(dense))
         found.append(
             Gain(

@@ -84,7 +84,7 @@ def sum_parts(total: Sum) -> list[Part]:
             waiting = [entry for entry in waiting if entry not in own]
             found += _window_parts(atom.sensor, dict([(atom, weight), *own]))
             continue
-        partner = _opposite(atom, weight, waiting)
+        partner = _opposite(atom, weight, waiting) if abs(weight) != 1 else None
         if partner is None:
             found.append((weight, atom_text(atom)))
         else:
@@ -103,7 +103,7 @@ def _opposite(atom: Reading, weight: Fraction, terms: list[tuple[Atom, Fraction]
 def _window_parts(sensor: str, weights: dict[Atom, Fraction]) -> list[Part]:
     """Several readings of one sensor: as newest, sum and change where that describes them."""
     dense = dense_weights(sensor, weights)
-    gains = pid_gains(dense)
+    gains = gains_in(dense)
     if gains is None:
         return [(w, atom_text(Reading(sensor, age))) for age, w in enumerate(dense) if w]
     kp, ki, kd, n = gains
@@ -112,6 +112,17 @@ def _window_parts(sensor: str, weights: dict[Atom, Fraction]) -> list[Part]:
         (-ki, f"(sum of the last {n} {sensor})"),
         (-kd, f"(change of {sensor})"),
     ]
+
+
+def gains_in(
+    weights: tuple[Fraction, ...],
+) -> tuple[Fraction, Fraction, Fraction, int] | None:
+    """kp, ki, kd and n of a PID with these weights; None where it would take more parts than there
+    are readings: any three weights are a PID's."""
+    found = pid_gains(weights)
+    if found is None or sum(map(bool, weights)) < sum(map(bool, found[:3])):
+        return None
+    return found
 
 
 def dense_weights(sensor: str, weights: dict[Atom, Fraction]) -> tuple[Fraction, ...]:
