@@ -50,12 +50,8 @@ _OPERATIONS = (
     "tanh({signal})",
     "sign({signal})",
 )
-_CONDITIONS = (
-    "{signal} > {real}",
-    "{signal} < {real}",
-    "{condition} and {condition}",
-    "{condition} or {condition}",
-)
+_COMPARISONS = ("{signal} > {real}", "{signal} < {real}")
+_JUNCTIONS = ("{condition} and {condition}", "{condition} or {condition}")
 
 
 @dataclass(frozen=True)
@@ -147,10 +143,16 @@ def _signals(sketch: Sketch, read: set[str], names: _Names) -> Iterator[str]:
 def _conditions(
     actions: tuple[ActionSpec, ...], read: set[str], names: _Names, signals: list[str]
 ) -> Iterator[str]:
-    for action in actions:
-        if isinstance(action.domain, Choice) and action.name in read:
-            yield from (f"previous({action.name}) == {value}" for value in action.domain.values)
-    yield from names.put_in(_CONDITIONS if signals else _CONDITIONS[2:])
+    compared = [
+        f"previous({action.name}) == {value}"
+        for action in actions
+        if isinstance(action.domain, Choice) and action.name in read
+        for value in action.domain.values
+    ]
+    if signals:
+        compared += names.put_in(_COMPARISONS)
+    if compared:
+        yield from (*compared, *names.put_in(_JUNCTIONS))
 
 
 def _names(sketch: Sketch) -> _Names:
