@@ -27,6 +27,9 @@ from benchmarks.growth.findings import (
 )
 from benchmarks.growth.measure import Figure, Server
 
+COSTLY = 3.0
+"""Seconds; what takes longer needs no repetition to be told from noise."""
+
 RESULTS = Path(__file__).resolve().parent.parent / "results"
 
 
@@ -53,7 +56,7 @@ def main(words: Sequence[str] | None = None) -> int:
         f"{memory(MEMORY_LIMIT)} wanted). Made by `python -m benchmarks.growth` with Python "
         f"{platform.python_version()} in {time.monotonic() - started:.0f} s."
     )
-    text = markdown(curves, baseline, preface)
+    text = markdown(curves, preface)
     (options.output / "growth.md").write_text(text, encoding="utf-8")
     found = {
         "date": datetime.now(UTC).date().isoformat(),
@@ -78,7 +81,7 @@ def measured(quick: bool, runs: int, only: str) -> tuple[list[Curve], int]:
     """The curves, and the peak memory of an empty job.
 
     Every size of every stage once, then all of them again: what disturbs the machine for a while
-    disturbs no size more than the others. What is long is run once.
+    disturbs no size more than the others. What is long or costly is run once.
     """
     from benchmarks.growth.stages import STAGES
 
@@ -94,9 +97,9 @@ def measured(quick: bool, runs: int, only: str) -> tuple[list[Curve], int]:
         baseline = server.measure(-1, 0).peak
         for run in range(1 if quick else runs):
             for number, stage in chosen:
-                if run and stage.long:
-                    continue
                 for size in sizes[number]:
+                    if run and (stage.long or figures[number, size][0].seconds > COSTLY):
+                        continue
                     figure = server.measure(number, size)
                     figures.setdefault((number, size), []).append(figure)
                     line = f"{stage.name}, {stage.axis.value}, {size:,}: "

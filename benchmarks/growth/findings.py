@@ -104,7 +104,7 @@ def _pair(found: Exponent | None) -> list[float] | None:
     return None if found is None else [found.value, found.half]
 
 
-def markdown(curves: Sequence[Curve], baseline: int, preface: str) -> str:
+def markdown(curves: Sequence[Curve], preface: str) -> str:
     """A table for each axis."""
     lines = ["# Growth", "", preface, ""]
     for axis in dict.fromkeys(curve.axis for curve in curves):

@@ -236,7 +236,7 @@ def searching(histories: int) -> Work:
         settings,
         Journal(None, Budget()),
         ALONE,
-        lambda progress: None,
+        lambda _: None,
         record,
     )
     return lambda: ndps(search, create_histories(search, given.ByHand()), augment=True)
@@ -278,9 +278,10 @@ STAGES = (
     Stage(
         "tune a template",
         Axis.HISTORIES,
-        DECADES[:5],
+        DECADES,
         lambda n: tuning(given.switched_pid(8, 5), n),
         LINEAR,
+        long=True,
     ),
     Stage("make histories", Axis.WIDE, (1_000_000,), lambda n: making(n, 8, 64), long=True),
     Stage("select every other", Axis.WIDE, (1_000_000,), lambda n: selecting(n, 64), long=True),
@@ -306,10 +307,10 @@ STAGES = (
         long=True,
     ),
     Stage(
-        "tune a template",
+        "tune a template of one law",
         Axis.WIDE,
         (1_000_000,),
-        lambda n: tuning(given.switched_pid(8, 64), n),
+        lambda n: tuning(given.one_law(8, 64), n),
         long=True,
     ),
     Stage("make histories (10^5)", Axis.WINDOW, WINDOWS, lambda n: making(100_000, 8, n), LINEAR),

@@ -67,6 +67,12 @@ def switched_pid(sensors: int, window: int) -> ProgramTemplate:
     return only_template(sketch(sensors, window, body))
 
 
+def one_law(sensors: int, window: int) -> ProgramTemplate:
+    """The sum and the newest reading of every sensor, with gains: no guard, so least squares."""
+    terms = [f"?sum{i} * fold(+, s{i}) + ?new{i} * peek(s{i}, -1)" for i in range(sensors)]
+    return only_template(sketch(sensors, window, _sum(terms)))
+
+
 def nested(guards: int, sensors: int = 8, window: int = 5) -> ProgramTemplate:
     """A balanced tree of so many `if`s, a law of two gains at each leaf."""
     made = 0
