@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import statistics
 from collections.abc import Callable, Sequence
 
@@ -16,7 +17,10 @@ OURS = ("NDPS-CasADi", "synth")
 """pirlc's rows: Algorithm 1 alone, and `pirlc synth` with its defaults."""
 
 TITLES = {"NDPS-CasADi": "pirlc, no refinement", "synth": "pirlc", paper.DRL: "the oracle (DRL)"}
-VIPER = "VIPER"
+TREES = ("viper", "viper-logits", "dagger-tree")
+"""VIPER's trees, and its relatives for oracles without the Q values that its weights want."""
+SHOWN = (4, 8, 16, 64)
+"""Leaves of the trees that are shown; `python -m benchmarks.peers --table` has all."""
 
 HEAD = (
     *("method", "return", "± of these programs", "nodes", "core seconds", "ns a step"),
@@ -30,7 +34,7 @@ def environment_table(classic: Sequence[Record], peers: Sequence[Record], where:
         (record_set, TITLES.get(method, method))
         for records, names in (
             (classic, [*OURS, paper.DRL]),
-            (peers, methods(peers, where)),
+            (peers, [name for name in methods(peers, where) if _is_shown(name)]),
         )
         for method in names
         if (record_set := of(records, method, where))
@@ -72,23 +76,59 @@ def _average(
     return f"{statistics.fmean(values):,.{digits}f}" if values else "-"
 
 
-def against_viper(classic: Sequence[Record], peers: Sequence[Record]) -> str:
-    """Each of pirlc's programs beside VIPER's best tree that is at least as large."""
+def stem(method: str) -> str:
+    """A peer's name without its size."""
+    return re.sub(r"-\d+$", "", method)
+
+
+def _is_shown(method: str) -> bool:
+    return stem(method) not in TREES or int(method.rpartition("-")[2]) in SHOWN
+
+
+def _trees(ours: Record, peers: Sequence[Record]) -> list[Record]:
+    """The trees for the same environment and seed."""
+    return [
+        r
+        for r in peers
+        if stem(r.method) in TREES
+        and (r.environment, r.seed) == (ours.environment, ours.seed)
+        and r.returns is not None
+        and r.size is not None
+    ]
+
+
+def at_most(ours: Record, peers: Sequence[Record]) -> Record | None:
+    """VIPER's best tree that is not larger than a program of ours."""
+    return _best([r for r in _trees(ours, peers) if r.size <= (ours.size or 0)])
+
+
+def at_least(ours: Record, peers: Sequence[Record]) -> Record | None:
+    """VIPER's best tree that is not smaller."""
+    return _best([r for r in _trees(ours, peers) if r.size >= (ours.size or 0)])
+
+
+def _best(trees: list[Record]) -> Record | None:
+    return max(trees, key=lambda r: (r.returns.mean, -r.size), default=None)
+
+
+Rival = Callable[[Record, Sequence[Record]], Record | None]
+
+
+def against_viper(classic: Sequence[Record], peers: Sequence[Record], rival: Rival) -> str:
+    """Each of pirlc's programs beside one of VIPER's trees."""
     rows = []
     for where in ENVIRONMENTS:
         for method in OURS:
             for ours in of(classic, method, where):
-                theirs = _rival(ours, peers)
-                if theirs is None or ours.returns is None or theirs.returns is None:
-                    continue
-                verdict = against(ours.returns, theirs.returns, place(where).ceiling)
-                rows.append(
-                    [
-                        *(where, str(ours.seed), TITLES[method], interval(ours.returns)),
-                        *(str(ours.size), theirs.method, interval(theirs.returns)),
-                        *(str(theirs.size), verdict),
-                    ]
-                )
+                theirs, told = rival(ours, peers), outcome(ours, peers, rival)
+                if theirs is not None and told is not None:
+                    rows.append(
+                        [
+                            *(where, str(ours.seed), TITLES[method], interval(ours.returns)),
+                            *(str(ours.size), theirs.method, interval(theirs.returns)),
+                            *(str(theirs.size), told),
+                        ]
+                    )
     head = (
         *("environment", "seed", "pirlc's", "return", "nodes", "VIPER's", "return", "nodes"),
         "pirlc's return is",
@@ -96,47 +136,28 @@ def against_viper(classic: Sequence[Record], peers: Sequence[Record]) -> str:
     return table(head, rows)
 
 
-def _rival(ours: Record, peers: Sequence[Record]) -> Record | None:
-    """VIPER's best tree for the same seed among those that are not smaller; if all are smaller,
-    the largest."""
-    trees = [
-        r
-        for r in peers
-        if r.method.startswith(VIPER)
-        and (r.environment, r.seed) == (ours.environment, ours.seed)
-        and r.returns is not None
-        and r.size is not None
-    ]
-    if not trees or ours.size is None:
+def outcome(ours: Record, peers: Sequence[Record], rival: Rival) -> str | None:
+    """How a program's return compares; None if there is nothing to compare with."""
+    theirs = rival(ours, peers)
+    if theirs is None or ours.returns is None or theirs.returns is None:
         return None
-    enough = [r for r in trees if r.size >= ours.size]
-    if enough:
-        return max(enough, key=lambda r: r.returns.mean)
-    return max(trees, key=lambda r: r.size)
+    return against(ours.returns, theirs.returns, place(ours.environment).ceiling)
 
 
 def verdict(classic: Sequence[Record], peers: Sequence[Record]) -> str:
-    """The statement against VIPER at equal or smaller size, environment by environment."""
-    lines = []
+    """The statement against VIPER, environment by environment, in numbers of seeds."""
+    rows = []
     for where in ENVIRONMENTS:
-        words = []
         for method in OURS:
-            found = [_outcome(ours, peers) for ours in of(classic, method, where)]
-            told = [each for each in found if each is not None]
-            if told:
-                counted = ", ".join(
-                    f"{told.count(each)} {each}" for each in dict.fromkeys(sorted(told))
-                )
-                words.append(f"{TITLES[method]}: {counted}")
-        if words:
-            lines.append(f"- {where}: {'; '.join(words)}\n")
-    return "".join(lines)
+            programs = of(classic, method, where)
+            cells = [_counted(programs, peers, rival) for rival in (at_least, at_most)]
+            if any(cell != "-" for cell in cells):
+                rows.append([where, TITLES[method], *cells])
+    head = ("environment", "", "VIPER's best of at least as many nodes", "of at most as many")
+    return table(head, rows)
 
 
-def _outcome(ours: Record, peers: Sequence[Record]) -> str | None:
-    theirs = _rival(ours, peers)
-    if theirs is None or ours.returns is None or theirs.returns is None:
-        return None
-    told = against(ours.returns, theirs.returns, place(ours.environment).ceiling)
-    smaller = theirs.size is not None and ours.size is not None and theirs.size < ours.size
-    return f"{told} (all its trees are smaller)" if smaller else told
+def _counted(programs: Sequence[Record], peers: Sequence[Record], rival: Rival) -> str:
+    told = [each for ours in programs if (each := outcome(ours, peers, rival)) is not None]
+    counts = [f"{each} ({told.count(each)} of {len(told)})" for each in sorted(set(told))]
+    return ", ".join(counts) or "-"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.study.peers_tables import OURS, TITLES
+from benchmarks.study.peers_tables import OURS, TITLES, stem
 from benchmarks.study.records import Record
 from benchmarks.study.rows import REFINED
 from benchmarks.study.summing import front
@@ -86,7 +86,7 @@ def _points(
 def _title(record: Record) -> str:
     if record.suite == "peers":
         # One method may come in several sizes.
-        return record.method.split(" ")[0]
+        return stem(record.method)
     return TITLES.get(record.method, record.method)
 
 

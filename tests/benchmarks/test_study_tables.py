@@ -224,37 +224,43 @@ def peer(method: str, mean: float, size: int, provable: str | None = None) -> Re
 
 
 OURS = replace(record("NDPS-CasADi", "Acrobot-v1", 0, -80.0), size=28)
-TREES = (peer("VIPER 7 leaves", -90.0, 20), peer("VIPER 15 leaves", -85.0, 44),
-         peer("VIPER 31 leaves", -79.5, 90, "bounds"))  # fmt: skip
+TREES = (peer("viper-8", -90.0, 20), peer("dagger-tree-16", -85.0, 44),
+         peer("viper-logits-64", -79.5, 90, "bounds"))  # fmt: skip
 
 
 def test_a_table_of_peers() -> None:
-    assert peers_tables.environment_table([OURS], [TREES[0], TREES[2]], "Acrobot-v1") == (
+    unshown = peer("viper-32", -70.0, 60)
+    peers = [TREES[0], TREES[2], unshown, peer("symbolic-12", -99.0, 12)]
+    assert peers_tables.environment_table([OURS], peers, "Acrobot-v1") == (
         "| method | return | ± of these programs | nodes | core seconds | ns a step "
         "| bytes of code | proved |\n"
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n"
-        "| VIPER 31 leaves | -79.50 | 1.00 | 90 | 20 | 12.3 | 1,200 | bounds |\n"
+        "| viper-logits-64 | -79.50 | 1.00 | 90 | 20 | 12.3 | 1,200 | bounds |\n"
         "| pirlc, no refinement | -80.00 | 1.00 | 28 | 20 | - | - | - |\n"
-        "| VIPER 7 leaves | -90.00 | 1.00 | 20 | 20 | 12.3 | 1,200 | - |\n"
+        "| viper-8 | -90.00 | 1.00 | 20 | 20 | 12.3 | 1,200 | - |\n"
+        "| symbolic-12 | -99.00 | 1.00 | 12 | 20 | 12.3 | 1,200 | - |\n"
     )
 
 
-def test_against_viper_at_equal_or_smaller_size() -> None:
-    told = peers_tables.against_viper([OURS], TREES[:2]).splitlines()
+def test_against_viper() -> None:
+    larger, smaller = peers_tables.at_least, peers_tables.at_most
+    told = peers_tables.against_viper([OURS], TREES, larger).splitlines()
     assert told[2:] == [
-        "| Acrobot-v1 | 0 | pirlc, no refinement | -80.00 ± 1.00 | 28 | VIPER 15 leaves "
-        "| -85.00 ± 1.00 | 44 | higher |"
+        "| Acrobot-v1 | 0 | pirlc, no refinement | -80.00 ± 1.00 | 28 | viper-logits-64 "
+        "| -79.50 ± 1.00 | 90 | intervals overlap |"
     ]
-    assert peers_tables.verdict([OURS], TREES[:2]) == (
-        "- Acrobot-v1: pirlc, no refinement: 1 higher\n"
-    )
-    assert peers_tables.verdict([OURS], TREES) == (
-        "- Acrobot-v1: pirlc, no refinement: 1 intervals overlap\n"
-    )
-    assert peers_tables.verdict([OURS], TREES[:1]) == (
-        "- Acrobot-v1: pirlc, no refinement: 1 higher (all its trees are smaller)\n"
-    )
-    assert peers_tables.verdict([replace(OURS, seed=1)], TREES) == ""
+    told = peers_tables.against_viper([OURS], TREES, smaller).splitlines()
+    assert told[2:] == [
+        "| Acrobot-v1 | 0 | pirlc, no refinement | -80.00 ± 1.00 | 28 | viper-8 "
+        "| -90.00 ± 1.00 | 20 | higher |"
+    ]
+    assert peers_tables.verdict([OURS, replace(OURS, seed=1)], TREES).splitlines()[2:] == [
+        "| Acrobot-v1 | pirlc, no refinement | intervals overlap (1 of 1) | higher (1 of 1) |"
+    ]
+    assert peers_tables.verdict([OURS], TREES[:1]).splitlines()[2:] == [
+        "| Acrobot-v1 | pirlc, no refinement | - | higher (1 of 1) |"
+    ]
+    assert peers_tables.verdict([replace(OURS, seed=1)], TREES).splitlines()[2:] == []
 
 
 def test_pages_of_a_folder(tmp_path: Path) -> None:
