@@ -29,11 +29,12 @@ class Tuning:
         seconds: `bayes` and `smt` stop after this long at a template; None: by counts alone. What
             time stopped does not repeat.
         tolerance: `smt` is content with a continuous action this close, as a part of its range.
-        effort: what z3 may spend on a template, in its own units of work.
+        effort: what z3 may spend on a template, in its own units of work: a million takes a second
+            or so.
     """
 
     optimizer: Optimizer = Optimizer.CASADI
     trials: int = 200
     seconds: float | None = None
     tolerance: float = 0.05
-    effort: int = 20_000_000
+    effort: int = 3_000_000

@@ -42,10 +42,14 @@ class TuningProblem:
 
 @dataclass(frozen=True)
 class Tuned:
-    """Values for the free parameters, and the distance of the program that they make."""
+    """Values for the free parameters, and the distance of the program that they make.
+
+    `note` says what should be known of how they were found; mostly nothing.
+    """
 
     values: dict[str, float]
     distance: float
+    note: str = ""
 
 
 class Score:
