@@ -15,14 +15,14 @@ from benchmarks.peers.evaluation import distance, evaluate, evaluate_network, pr
 from benchmarks.peers.footprint import measure_program, recorded
 from benchmarks.peers.network import OnnxPolicy
 from benchmarks.peers.simulators import episodes_of
-from benchmarks.peers.tasks import Task, actions_of, labels, oracle, task
+from benchmarks.peers.tasks import RATED, Task, actions_of, algorithm_of, labels, oracle, task
 from benchmarks.study.records import Record, Return, finite
 from pirlc.ir.policy import Program
 from pirlc.ir.printer import program_text
 from pirlc.oracle.store import StoredOracle
 
 SUITE = "peers"
-LEAVES = (2, 3, 4, 5, 6, 7, 8, 16, 32, 64)
+LEAVES = (2, 3, 4, 5, 6, 7, 8, 16, 64)
 LENGTHS = (12, 30)
 """The most nodes, as pyoperon counts them, of a formula."""
 
@@ -102,6 +102,10 @@ def run(job: Job, effort: Effort) -> Record:
 
 
 def _tree(job: Job, settings: dagger.Settings) -> Record:
+    algorithm = job.algorithm or algorithm_of(job.environment)
+    if job.method == "viper" and algorithm not in RATED:
+        # Before an oracle is trained for nothing.
+        raise dagger.NoValues(job.environment, algorithm)
     chosen, stored = task(job.environment), oracle(job.environment, job.seed, job.algorithm)
     weigh: dagger.Weigh = dagger.unit_weights
     if job.method == "viper":
@@ -241,8 +245,6 @@ def jobs(environment: str, seed: int) -> list[Job]:
         chosen += [at("viper", number=n, algorithm=values) for n in LEAVES]
     if values is not None:
         chosen.append(at("onnx", algorithm=values))
-    if environment in ("CartPole-v0", "CartPole-v1", "Acrobot-v1"):
-        chosen += [at("viper-logits", number=n) for n in LEAVES]
     if environment != "MountainCar-v0":
         chosen += [at("dagger-tree", number=n) for n in LEAVES]
     return chosen

@@ -21,7 +21,8 @@ def wanted(environments: Sequence[str], seeds: Sequence[int], methods: Sequence[
         for environment in environments:
             known = jobs(environment, seed)
             for method in methods or [""]:
-                fitting = [j for j in known if method in ("", j.name, j.method)]
+                exact = [j for j in known if j.name == method]
+                fitting = exact or [j for j in known if method in ("", j.method)]
                 found += fitting or _tried(method, environment, seed)
     return list(dict.fromkeys(found))
 

@@ -151,6 +151,15 @@ SETTINGS: Mapping[tuple[str, str], Mapping[str, Json]] = {
 """Of trainings that pirlc has no good settings for."""
 
 
+RATED = ("dqn", "duel-ddqn")
+"""Algorithms whose networks are Q values."""
+
+
+def algorithm_of(environment: str) -> str:
+    """That of pirlc's own oracle."""
+    return default_algorithm(facts(Environment(environment)))
+
+
 def oracle(environment: str, seed: int, algorithm: str | None = None) -> StoredOracle:
     """What `pirlc oracle train` gives for the example's sketch, trained if it is not cached."""
     where = Environment(environment)

@@ -112,6 +112,14 @@ def test_viper_is_refused_without_q_values() -> None:
     )
 
 
+def test_log_probabilities_may_stand_for_q_values() -> None:
+    x = np.array([[0.0, 0.0, 0.1, 0.0], [1.0, 0.0, 0.0, -2.0]])
+    weigh = dagger.logit_weights(balancer(), "CartPole-v1", "ppo")
+    assert weigh(x) == pytest.approx([2 * 0.3, 2 * 1.9], rel=1e-6)
+    with pytest.raises(dagger.NoValues):
+        dagger.logit_weights(rated(), "CartPole-v1", "dqn")
+
+
 def test_a_tree_grown_from_the_balancer_balances() -> None:
     of = task("CartPole-v0")
     weigh = dagger.q_weights(rated(), of.environment, "by hand")

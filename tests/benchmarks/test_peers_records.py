@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -79,8 +80,10 @@ def test_methods_that_an_environment_does_not_have_are_refused(tmp_path: Path) -
     assert [job.name for job in wanted(["Pendulum-v1"], [0], ["viper-8"])] == ["viper-8"]
 
 
+@pytest.mark.slow
 def test_two_at_a_time_write_what_one_does(tmp_path: Path) -> None:
     chosen = [Job("cma-linear", "MountainCar-v0", seed) for seed in (0, 1)]
+    # Two processes that are started anew.
     perform(chosen, tmp_path / "two", QUICK, workers=2)
     perform(chosen, tmp_path / "one", QUICK)
     programs = [
@@ -89,6 +92,21 @@ def test_two_at_a_time_write_what_one_does(tmp_path: Path) -> None:
     ]
     assert programs[0] == programs[1]
     assert len(programs[0]) == 2
+
+
+def test_the_documented_refusal(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "peers.md").read_text(encoding="utf-8")
+    (shown,) = re.findall(r"```console\n\$ (.*--method viper-8 --env.*Pendulum.*)\n(.*)\n```", text)
+    command, told = shown
+    words = command.split()
+    assert words[0] == "python"
+    outcome = subprocess.run(
+        [sys.executable, *words[1:], "--folder", str(tmp_path), "--seed", "7"],
+        capture_output=True,
+        text=True,
+    )
+    assert outcome.returncode == 1
+    assert outcome.stderr.splitlines() == ["0 recorded, 1 to run", told]
 
 
 def _record(method: str, seed: int, mean: float, size: int | None) -> Record:
