@@ -8,7 +8,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +17,7 @@ from tests.support.command_line import ROOT
 
 _PATIENCE = 60
 _MEMORY = ["--object-store-memory", "80000000"]
-_QUIET = ["--disable-usage-stats", "--log-style", "record", "--log-color", "false"]
+_QUIET = ["--disable-usage-stats"]
 
 
 def free_port() -> int:
@@ -52,6 +52,26 @@ class Node:
             ahead += new
         return found
 
+    def workers(self) -> dict[int, str]:
+        """The processes that work on tasks, each with what it is at."""
+        found = {}
+        for process in self.processes():
+            try:
+                title = Path(f"/proc/{process}/cmdline").read_bytes().rstrip(b"\0").decode()
+            except OSError:
+                continue
+            if title.startswith(("ray::work_on", "ray::IDLE")):
+                found[process] = title
+        return found
+
+    def kill_at_work(self) -> None:
+        """Kill it as soon as it has something to do."""
+        deadline = time.monotonic() + _PATIENCE
+        while not any("work_on" in title for title in self.workers().values()):
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        self.kill()
+
     def kill(self) -> None:
         """As if its power were cut."""
         for process in self.processes():
@@ -74,20 +94,22 @@ class LocalCluster:
     def address(self) -> str:
         return f"127.0.0.1:{self.port}"
 
-    def start(self, cpus: int = 1, path: Path = ROOT) -> Node:
-        """One more node, on which `path` is where Python finds pirlc."""
+    def start(self, cpus: int = 1, path: Path = ROOT, options: Sequence[str] = ()) -> Node:
+        """One more node, on which `path` is where Python finds pirlc; `options` for others."""
         ray = Path(sys.executable).parent / "ray"
-        if self.nodes:
-            own = ["--address", self.address]
-        else:
-            own = ["--head", "--port", str(self.port), "--include-dashboard", "false"]
+        own = list(options)
+        if not own and self.nodes:
+            own = ["--address", self.address, *_QUIET]
+        elif not own:
+            own = ["--head", "--port", str(self.port), "--include-dashboard", "false", *_QUIET]
+        if not self.nodes:
             own += ["--temp-dir", str(self.folder)]
         own += ["--node-ip-address", "127.0.0.1", "--num-cpus", str(cpus), "--block"]
         before = len(self.alive())
         log = (self.folder / f"node{len(self.nodes)}.log").open("wb")
         with log:
             process = subprocess.Popen(
-                [str(ray), "start", *own, *_MEMORY, *_QUIET],
+                [str(ray), "start", *own, *_MEMORY],
                 cwd=self.folder,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
@@ -115,18 +137,12 @@ class LocalCluster:
         infos = GcsClient(address=self.address).get_all_node_info()
         return [node.hex() for node, info in infos.items() if info.state == 0]
 
-    def workers(self) -> set[int]:
-        """The processes that work on tasks, on all nodes."""
-        found = set()
-        for node in self.nodes:
-            for process in node.processes():
-                try:
-                    title = Path(f"/proc/{process}/cmdline").read_bytes()
-                except OSError:
-                    continue
-                if title.startswith((b"ray::work_on", b"ray::IDLE")):
-                    found.add(process)
-        return found
+    def wait_for(self, nodes: int) -> None:
+        """Until the head knows that so many are left."""
+        deadline = time.monotonic() + _PATIENCE
+        while len(self.alive()) != nodes:
+            assert time.monotonic() < deadline
+            time.sleep(0.2)
 
     def stop(self) -> None:
         for node in reversed(self.nodes):
