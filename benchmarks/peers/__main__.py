@@ -14,7 +14,7 @@ from pathlib import Path
 
 from benchmarks.peers.methods import SUITE, Effort
 from benchmarks.peers.running import perform, wanted
-from benchmarks.peers.table import tables
+from benchmarks.peers.table import comparison, tables
 from benchmarks.peers.tasks import EXAMPLES
 from benchmarks.study.records import RESULTS, read
 
@@ -42,6 +42,13 @@ def main() -> None:
         refused = perform(chosen, given.folder, effort, given.workers)[1]
     records = read(given.folder, SUITE).records
     print(tables([record for record in records if record.environment in given.environment]))
+    own = [
+        record
+        for record in read(given.folder, "classic").records
+        if record.method == "synth" and record.environment in given.environment
+    ]
+    if beside := comparison(records, own):
+        print(f"\n### Trees of at most the size of pirlc's programs\n\n{beside}")
     if refused:
         raise SystemExit("\n".join(refused))
 

@@ -8,7 +8,7 @@ from itertools import groupby
 from statistics import fmean
 
 from benchmarks.peers.tasks import EXAMPLES
-from benchmarks.study.records import Record
+from benchmarks.study.records import Record, Return
 
 _COLUMNS = (
     "method",
@@ -70,14 +70,50 @@ def _provable(group: Sequence[Record]) -> str:
     return " / ".join(dict.fromkeys(r.provable or "-" for r in group))
 
 
-def best_within(records: Sequence[Record], environment: str, most: int) -> Record | None:
-    """The record with the highest mean return among those of at most so many nodes."""
+TREES = ("viper", "dagger-tree")
+"""The methods that VIPER's name stands for in the comparison."""
+
+
+def best_within(records: Sequence[Record], environment: str, seed: int, most: int) -> Record | None:
+    """The tree with the highest mean return among those of at most so many nodes."""
     fitting = [
-        r
+        (r.returns.mean, r)
         for r in records
-        if r.environment == environment
+        if (r.environment, r.seed) == (environment, seed)
+        and r.method.startswith(TREES)
         and r.size is not None
         and r.size <= most
         and r.returns is not None
     ]
-    return max(fitting, key=lambda r: r.returns.mean if r.returns else 0.0, default=None)
+    return max(fitting, key=lambda pair: pair[0], default=(0.0, None))[1]
+
+
+def verdict(ours: Return, theirs: Return) -> str:
+    """Whose interval lies above the other's."""
+    if ours.mean == theirs.mean == ours.high == theirs.high:
+        return "both at the ceiling"
+    if ours.low > theirs.high:
+        return "pirlc higher, intervals apart"
+    if theirs.low > ours.high:
+        return "tree higher, intervals apart"
+    return "intervals overlap"
+
+
+def comparison(peers: Sequence[Record], pirlc: Sequence[Record]) -> str:
+    """pirlc's programs beside the best tree of at most their size, environment by environment."""
+    rows = []
+    for ours in sorted(pirlc, key=lambda r: (list(EXAMPLES).index(r.environment), r.seed)):
+        if ours.returns is None or ours.size is None:
+            continue
+        words = [ours.environment, str(ours.seed), _return(ours), str(ours.size)]
+        tree = best_within(peers, ours.environment, ours.seed, ours.size)
+        if tree is None or tree.returns is None:
+            words += ["none so small", "-", "-", "-"]
+        else:
+            words += [tree.method, _return(tree), str(tree.size)]
+            words.append(verdict(ours.returns, tree.returns))
+        rows.append(f"| {' | '.join(words)} |")
+    if not rows:
+        return ""
+    columns = ("environment", "seed", "pirlc", "nodes", "best tree", "return", "nodes", "intervals")
+    return "\n".join([f"| {' | '.join(columns)} |", "|---" * len(columns) + "|", *rows])

@@ -13,7 +13,7 @@ import pytest
 from benchmarks.peers import dagger, linear
 from benchmarks.peers.methods import SUITE, Effort, Job, jobs
 from benchmarks.peers.running import perform, wanted
-from benchmarks.peers.table import best_within, tables
+from benchmarks.peers.table import best_within, comparison, tables, verdict
 from benchmarks.peers.tasks import EXAMPLES
 from benchmarks.study.records import Record, Return, read
 
@@ -126,8 +126,29 @@ def test_tables_order_sizes_by_number_and_join_seeds() -> None:
     rows = tables(records).splitlines()[4:]
     assert [row.split(" | ")[0] for row in rows] == ["| onnx", "| viper-2", "| viper-16"]
     assert rows[1] == "| viper-2 | -119.00±0.50 -120.00±0.50 | 8 8 | 2.5 | - | - | something |"
-    assert best_within(records, "MountainCar-v0", 50) == records[2]
-    assert best_within(records, "MountainCar-v0", 7) is None
+
+
+def test_trees_are_compared_at_the_size_of_pirlcs_programs() -> None:
+    records = [_record("viper-16", 0, -99.0, 106), _record("viper-2", 0, -120.0, 8)]
+    records += [_record("dagger-tree-3", 0, -119.9, 15), _record("symbolic-12", 0, -90.0, 9)]
+    assert best_within(records, "MountainCar-v0", 0, 50) == records[2]
+    assert best_within(records, "MountainCar-v0", 0, 106) == records[0]
+    assert best_within(records, "MountainCar-v0", 1, 50) is None
+    ours = [_record("synth", 1, -98.0, 44), _record("synth", 0, -98.2, 44)]
+    assert comparison(records, ours).splitlines()[2:] == [
+        "| MountainCar-v0 | 0 | -98.20±0.50 | 44 | dagger-tree-3 | -119.90±0.50 | 15 "
+        "| pirlc higher, intervals apart |",
+        "| MountainCar-v0 | 1 | -98.00±0.50 | 44 | none so small | - | - | - |",
+    ]
+    assert comparison(records, []) == ""
+    top, low = Return(500.0, 500.0, 500.0, 1_000, 0), Return(499.0, 498.5, 499.5, 1_000, 0)
+    near = Return(499.4, 499.0, 499.8, 1_000, 0)
+    assert [verdict(*pair) for pair in ((top, top), (low, top), (low, near), (top, low))] == [
+        "both at the ceiling",
+        "tree higher, intervals apart",
+        "intervals overlap",
+        "pirlc higher, intervals apart",
+    ]
 
 
 def test_the_command_prints_the_records(tmp_path: Path) -> None:
