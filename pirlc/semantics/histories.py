@@ -137,7 +137,9 @@ class HistorySet:
         for name, readings in self.sensors.items():
             match self.layout:
                 case Layout.FLAT:
-                    sensors[name] = readings[np.arange(length)[:, None] + chosen]
+                    rows = sensors[name] = np.empty((length, len(chosen)), readings.dtype)
+                    for j, row in enumerate(rows):
+                        np.take(readings[j:], chosen, out=row, mode="clip")
                 case Layout.GATHERED:
                     sensors[name] = readings[:, chosen]
         return HistorySet(
