@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -38,6 +38,7 @@ class Budget:
     seconds: float | None = None
     clock: Callable[[], float] = time.monotonic
     started: float = field(init=False)
+    paused: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
         self.started = self.clock()
@@ -48,7 +49,7 @@ class Budget:
 
     def allows(self, used: int) -> bool:
         return (self.calls is None or used < self.calls) and (
-            self.seconds is None or self.elapsed < self.seconds
+            self.seconds is None or self.elapsed - self.paused < self.seconds
         )
 
 
@@ -77,6 +78,17 @@ class Journal:
     def lift_budget(self) -> None:
         """Lets every further call through: those that evaluate what was found."""
         self._lifted = True
+
+    @contextmanager
+    def apart_from_budget(self) -> Iterator[None]:
+        """Calls within are not counted, and their time is not taken from the budget's."""
+        used, lifted, began = self.used, self._lifted, self.budget.clock()
+        self._lifted = True
+        try:
+            yield
+        finally:
+            self.used, self._lifted = used, lifted
+            self.budget.paused += self.budget.clock() - began
 
     def close(self) -> None:
         if self._file is not None:

@@ -33,10 +33,8 @@ def _of_part(part: ProgramTemplate, optimizer: Optimizer) -> str | None:
         case Optimizer.BAYES:
             return f"more than {MOST_BAYES} parameters" if len(part.free) > MOST_BAYES else None
         case Optimizer.SMT:
-            try:
-                from pirlc.tune.maxsmt import unsuitable as beyond_smt
-            except ImportError:
-                return "no solver in this version"
-            return beyond_smt(part)
+            from pirlc.tune import maxsmt
+
+            return maxsmt.unsuitable(part)
         case _:
             assert_never(optimizer)

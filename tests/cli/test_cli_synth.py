@@ -79,7 +79,8 @@ def point(here, monkeypatch):
 
 
 SYNTH = ("synth", "point.pirl", "--trust", "--episodes", "20", "--workers", "1")
-EXPERT = ("--oracle", "point_environment:expert")
+GUIDED = ("--oracle", "point_environment:expert")
+EXPERT = (*GUIDED, "--optimizer", "casadi")
 
 
 def test_everything_asked_for_is_in_the_folder(pirlc, point):
@@ -181,3 +182,71 @@ def test_interrupted_and_resumed(pirlc, point):
     assert json.loads(out)["interrupted"] is True
     assert pirlc("check", "run/point.pirl", "--json").data["closed"] is True
     assert pirlc(*command).data["ending"] == "finished"
+
+
+# The optimiser.
+
+
+def test_the_optimiser_that_was_chosen_is_told(pirlc, point):
+    auto = (*SYNTH, *GUIDED, "--trials", "10", "--no-refine", "-o", "run")
+    outcome = pirlc(*auto)
+    assert outcome.code == 0
+    noted = json.loads((point / "run" / "manifest.json").read_text())["optimizer"]
+    means = noted["mean_distances"]
+    assert set(means) == set(noted["seconds"]) == {"casadi", "smt", "bayes"}
+    shown = ", ".join(f"{name} {mean:.4f}" for name, mean in means.items())
+    assert outcome.err.splitlines()[-1] == (
+        f"optimizer: {noted['chosen']}, {noted['why']} (mean distance over 2 templates: {shown})"
+    )
+    assert [found["parameters"] for found in noted["templates"]] == [1, 2]
+    assert means[noted["chosen"]] <= min(means.values()) + 0.05
+    # Nothing is measured again.
+    assert pirlc(*auto, "--json").data["optimizer"] == {**noted, "seconds": {}}
+
+
+def test_the_optimiser_that_is_asked_for_is_used(pirlc, point):
+    asked = (*SYNTH, *GUIDED, "--optimizer", "bayes", "--trials", "12", "--no-refine", "-o", "run")
+    outcome = pirlc(*asked, "--json")
+    assert outcome.code == 0
+    assert outcome.data["optimizer"] == {
+        "chosen": "bayes",
+        "why": "asked for",
+        "mean_distances": {},
+        "templates": [],
+        "seconds": {},
+    }
+    manifest = json.loads((point / "run" / "manifest.json").read_text())
+    assert manifest["optimizer"] == outcome.data["optimizer"]
+    assert manifest["asked"]["settings"]["optimizer"] == "bayes"
+    assert manifest["asked"]["settings"]["tuning"]["trials"] == 12
+    assert outcome.data["returns"]["program"]["mean"] > -6
+    # Other budgets are another run.
+    assert pirlc(*(word.replace("12", "13") for word in asked), "--json").codes == ["E0723"]
+
+
+def test_an_optimiser_that_cannot_take_the_sketch_is_refused_at_once(pirlc, point):
+    terms = " + ".join(f"?k{i} * peek(Place, -{i + 1})" for i in range(31))
+    text = f"""policy point
+environment "point_environment:Point-v0"
+sensor Place : [-2, 2] = 0
+window 31
+action Push : [-1, 1] safe 0 = {terms}
+"""
+    (point / "point.pirl").write_text(text)
+    size = ("--max-size", "400")
+    outcome = pirlc(*SYNTH, *GUIDED, *size, "--optimizer", "bayes", "-o", "run")
+    assert outcome.code == 1
+    assert outcome.err == (
+        "error[E0430]: `bayes` can take none of the sketch's 1 shortest templates\n"
+        "  = note: 1 with more than 30 parameters\n"
+        "  = help: `--optimizer casadi` takes every template; `--optimizer auto` takes the best "
+        "that can\n\n"
+    )
+    assert not (point / "run").exists()
+
+
+def test_an_optimiser_makes_no_sense_without_an_oracle(pirlc, point):
+    for option in (("--optimizer", "bayes"), ("--trials", "9"), ("--tune-seconds", "1")):
+        outcome = pirlc(*SYNTH, "--no-oracle", *option, "-o", "run")
+        assert outcome.code == 2
+        assert "make no sense with --no-oracle" in outcome.err.replace("\n", " ")

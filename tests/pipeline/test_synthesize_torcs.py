@@ -16,6 +16,7 @@ from pirlc.report.request import SynthesisRequest
 from pirlc.search.settings import Settings, default_settings
 from pirlc.simulation.workers import ALONE, Workers
 from pirlc.source import SourceText
+from pirlc.tune.how import Optimizer
 
 pytestmark = pytest.mark.usefixtures("torcs_installation")
 
@@ -42,6 +43,7 @@ SMALL = Settings(
     refined=1,
     refine_episodes=30,
     climb_episodes=1,
+    optimizer=Optimizer.CASADI,
 )
 
 

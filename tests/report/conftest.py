@@ -18,6 +18,7 @@ from pirlc.report.traces import trace_episode, write_traces
 from pirlc.search.settings import Progress, Settings
 from pirlc.search.synthesis import Ending
 from pirlc.source import SourceText
+from pirlc.tune.how import Optimizer
 from tests.support.findings import analysis, verification
 from tests.support.oracles import balancer, save_balancer
 
@@ -44,6 +45,7 @@ SETTINGS = Settings(
     episodes=5,
     refined=1,
     refine_episodes=100,
+    optimizer=Optimizer.CASADI,
 )
 
 

@@ -17,6 +17,7 @@ from pirlc.search.ndps import ndps
 from pirlc.search.settings import Progress, Settings
 from pirlc.simulation.workers import ALONE, Workers
 from pirlc.source import SourceText
+from pirlc.tune.how import Optimizer
 
 SKETCH = parse_sketch(
     SourceText(
@@ -49,6 +50,7 @@ SETTINGS = Settings(
     episodes=8,
     refined=2,
     refine_episodes=800,
+    optimizer=Optimizer.CASADI,
 )
 
 SHORT = Environment("CartPole-v1", (("max_episode_steps", 12),))
