@@ -19,7 +19,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import IO
 
-SECONDS, REPEATS = 0.4, 7
+SECONDS, REPEATS = 0.2, 7
 """A job repeats its work until one of them is reached."""
 
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
