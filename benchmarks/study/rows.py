@@ -105,7 +105,7 @@ CLASSIC_ROWS: tuple[Row, ...] = (
 )
 
 # The limit of every program's row, where the paper has twelve hours: this many tunings and races.
-_LIMIT = ("--budget", "8000")
+_LIMIT = ("--budget", "4000")
 
 TORCS_ROWS: tuple[Row, ...] = (
     Teacher(),
