@@ -15,7 +15,8 @@ from pathlib import Path
 
 from tests.support.command_line import ROOT
 
-_PATIENCE = 60
+_PATIENCE = 150
+_ATTEMPTS = 3
 _MEMORY = ["--object-store-memory", "80000000"]
 _QUIET = ["--disable-usage-stats"]
 
@@ -105,26 +106,39 @@ class LocalCluster:
         if not self.nodes:
             own += ["--temp-dir", str(self.folder)]
         own += ["--node-ip-address", "127.0.0.1", "--num-cpus", str(cpus), "--block"]
+        for _ in range(_ATTEMPTS):
+            if self._started([str(ray), "start", *own, *_MEMORY], path):
+                return self.nodes[-1]
+        raise AssertionError(self._log.read_text())
+
+    def _started(self, command: list[str], path: Path) -> bool:
+        """Ray gives a new node 30 seconds, which may be too few on a busy machine."""
         before = len(self.alive())
-        log = (self.folder / f"node{len(self.nodes)}.log").open("wb")
-        with log:
+        with self._log.open("wb") as log:
             process = subprocess.Popen(
-                [str(ray), "start", *own, *_MEMORY],
+                command,
                 cwd=self.folder,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, "PYTHONPATH": str(path), "RAY_USAGE_STATS_ENABLED": "0"},
+                env={**os.environ, "PYTHONPATH": str(path)},
                 start_new_session=True,
             )
         node = Node(process)
         self.nodes.append(node)
         deadline = time.monotonic() + _PATIENCE
-        while len(self.alive()) <= before:
-            assert process.poll() is None, Path(log.name).read_text()
-            assert time.monotonic() < deadline, Path(log.name).read_text()
+        while len(self.alive()) <= before and process.poll() is None:
+            assert time.monotonic() < deadline, self._log.read_text()
             time.sleep(0.2)
-        return node
+        if process.poll() is None:
+            return True
+        self.nodes.remove(node)
+        assert "timed out during startup" in self._log.read_text(), self._log.read_text()
+        return False
+
+    @property
+    def _log(self) -> Path:
+        return self.folder / "node.log"
 
     def alive(self) -> list[str]:
         """The nodes that the head knows of."""

@@ -153,7 +153,7 @@ class _Driver:
             except EOFError:
                 ray.shutdown()
                 return None
-            if not self._under_way or self._nodes():
+            if not self._under_way or self._some_node():
                 seen = time.monotonic()
             elif time.monotonic() - seen > _PATIENCE:
                 return ClusterLost("none of its nodes is left")
@@ -170,6 +170,12 @@ class _Driver:
         import ray
 
         return [n for n in ray.nodes() if n["Alive"] and n["Resources"].get("CPU", 0) >= 1]
+
+    def _some_node(self) -> bool:
+        try:
+            return bool(self._nodes())
+        except Exception:
+            return False  # the head does not answer: perhaps at the next look
 
     def _probe(self, node: dict[str, Any]) -> Problem | None:
         import ray
