@@ -38,7 +38,7 @@ def parser() -> argparse.ArgumentParser:
     )
     made.add_argument("--suite", nargs="+", choices=tuple(ROWS), default=[CLASSIC])
     made.add_argument("--row", nargs="+", help="rows to run (default: those of the suite)")
-    made.add_argument("--environment", nargs="+", help="environments or tracks (default: all)")
+    made.add_argument("--environment", nargs="+", help="or tracks (default: those of each row)")
     made.add_argument("--seed", nargs="+", type=int, help="(default: 0 1 2; torcs: 0)")
     made.add_argument("--jobs", type=int, default=2, help="rows run at a time (default: 2)")
     made.add_argument("--folder", type=Path, default=RUNS, help="folder of the runs")
@@ -56,6 +56,8 @@ def jobs_of(suite: str, chosen: argparse.Namespace) -> list[Job]:
     places = {place.name: place for place in PLACES[suite]}
     _known("row", chosen.row, suite, rows)
     _known("environment", chosen.environment, suite, places)
+    if chosen.episodes is not None and chosen.episodes < 2:
+        raise SystemExit("--episodes: at least 2, of which an interval can be told")
     wanted = chosen.row or [row.method for row in ROWS[suite] if row.usual]
     return [
         Job(
@@ -66,9 +68,9 @@ def jobs_of(suite: str, chosen: argparse.Namespace) -> list[Job]:
             episodes=chosen.episodes or (EPISODES if suite == CLASSIC else TORCS_EPISODES),
             more=tuple(chosen.options),
         )
-        for seed in (chosen.seed or SEEDS[suite])
-        for environment in (chosen.environment or places)
         for method in wanted
+        for seed in (chosen.seed or SEEDS[suite])
+        for environment in (chosen.environment or rows[method].places or places)
         # What does not depend on the seed is run once.
         if isinstance(rows[method], Synthesis) or not _seedless(suite, method, seed, chosen)
     ]

@@ -18,7 +18,7 @@ PEERS = "peers"
 DOCUMENT = ROOT / "docs" / "study.md"
 
 Section = tuple[str, str]
-"""A title and a body; those without a body are left out."""
+"""A title and a body; those that say nothing are left out."""
 
 
 def classic_page(records: Sequence[Record]) -> str:
@@ -77,8 +77,14 @@ def peers_page(classic: Sequence[Record], peers: Sequence[Record]) -> str:
 
 
 def page(sections: Sequence[Section]) -> str:
-    text = "\n".join(f"### {title}\n\n{body}" for title, body in sections if body)
+    filled = [(title, body) for title, body in sections if _says_something(body)]
+    text = "\n".join(f"### {title}\n\n{body}" for title, body in filled)
     return text or "There are no records yet.\n"
+
+
+def _says_something(body: str) -> bool:
+    """Whether there is more than a table's head."""
+    return len(body.splitlines()) > (2 if body.startswith("|") else 0)
 
 
 def write_pages(results: Path) -> list[Path]:

@@ -1,6 +1,6 @@
 """The suite `torcs`: programs and oracles of the paper's Table performance, raced for three laps.
 
-A row's limit is that of `pirlc synth`, in counts. "Timeout" is a row without a program that
+A row's limit is a number of tunings and races. "Timeout" is a row without a program that
 completes the race, as in the paper. Refinement on return, which the paper has not, makes up for
 much of what an ablation leaves out; so Algorithm 1's own program is raced as well.
 """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -46,16 +47,29 @@ def provable(folder: Path) -> str | None:
         found = json.loads((folder / "verification.json").read_text("utf-8"))
     except (OSError, ValueError):
         return None
-    properties = found["properties"]
-    proved = sum(each["binary64"]["kind"] == "proved" for each in properties)
-    words = []
-    if properties:
-        words.append(f"{proved} of {len(properties)} properties in binary64")
-    if found["bounds"] and all(each["evidence"]["kind"] == "proved" for each in found["bounds"]):
-        words.append("bounds")
-    if found["emitted"] and all(each["evidence"]["kind"] == "proved" for each in found["emitted"]):
-        words.append("C equals program")
-    return ", ".join(words) or "nothing"
+    kinds: dict[str, list[str]] = {}
+    for each in found["properties"]:
+        kinds.setdefault(each["binary64"]["kind"], []).append(each["name"])
+    told = [f"{', '.join(names)} {kind}" for kind, names in kinds.items()]
+    if found["bounds"] and all(kind == "proved" for kind in _evidence(found["bounds"])):
+        told.append("bounds proved")
+    same = {kind for each in found["emitted"] for kind in _evidence(each)}
+    if same:
+        told.append(f"emitted C equal to it: {' or '.join(sorted(same))}")
+    return "; ".join(told) or "nothing"
+
+
+def _evidence(found: Any) -> Iterator[str]:
+    """The kinds of all evidence in a finding."""
+    match found:
+        case dict():
+            if "evidence" in found:
+                yield found["evidence"]["kind"]
+            for value in found.values():
+                yield from _evidence(value)
+        case list():
+            for value in found:
+                yield from _evidence(value)
 
 
 def oracle_of(manifest: dict[str, Any]) -> str | None:

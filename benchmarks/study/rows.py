@@ -54,11 +54,13 @@ class Synthesis:
 
     Attributes:
         usual: it is run where no row is asked for.
+        places: the environments that it is run on where none is asked for; None: all.
     """
 
     method: str
     options: tuple[str, ...] = ()
     usual: bool = True
+    places: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,7 @@ class Teacher:
 
     method: str = "DRL"
     usual: bool = True
+    places: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -75,34 +78,43 @@ class Lowest:
 
     method: str = "minimum"
     usual: bool = True
+    places: tuple[str, ...] | None = None
 
 
 Row = Synthesis | Teacher | Lowest
 
-_BAYES = ("--optimizer", "bayes", "--trials", "50", "--pool", "40")
-_SMT = ("--optimizer", "smt", "--pool", "40")
+_BAYES = ("--optimizer", "bayes", "--trials", "30", "--pool", "16", "--budget", "70")
+_SMT = ("--optimizer", "smt", "--pool", "24", "--budget", "80")
+"""Counts with which Algorithm 1 has one turn of its loop after `initialize`."""
 _CASADI = ("--optimizer", "casadi")
 _ALONE = ("--no-refine",)
+
+_PAPERS = ("CartPole-v0", "MountainCar-v0", "Acrobot-v1")
+_VARIED = (*_PAPERS, "Pendulum-v1")
+
+
+def _both(
+    method: str, options: tuple[str, ...], places: tuple[str, ...] | None
+) -> tuple[Synthesis, Synthesis]:
+    """A row before refinement on return, and the same refined, which is run if it is asked for."""
+    alone = Synthesis(method, (*options, *_ALONE), places=places)
+    return alone, Synthesis(method + REFINED, options, usual=False, places=places)
+
 
 CLASSIC_ROWS: tuple[Row, ...] = (
     Teacher(),
     Synthesis("NDPS-CasADi", (*_CASADI, *_ALONE)),
-    Synthesis("NDPS-SMT", (*_SMT, *_ALONE)),
-    Synthesis("NDPS-BOPT", (*_BAYES, *_ALONE)),
+    *_both("NDPS-SMT", _SMT, _PAPERS),
+    *_both("NDPS-BOPT", _BAYES, _PAPERS),
     Lowest(),
-    Synthesis("Naive", ("--no-oracle", *_ALONE)),
-    Synthesis("NoAug", (*_CASADI, "--no-augment", *_ALONE)),
-    Synthesis("NoSketch", (*_CASADI, "--no-sketch", *_ALONE)),
-    Synthesis("NoIF", (*_CASADI, "--no-if", *_ALONE)),
     # `pirlc synth` with nothing but its defaults.
-    Synthesis("synth"),
-    Synthesis("NDPS-SMT" + REFINED, _SMT, usual=False),
-    Synthesis("NDPS-BOPT" + REFINED, _BAYES, usual=False),
-    Synthesis("Naive" + REFINED, ("--no-oracle",), usual=False),
-    Synthesis("NoAug" + REFINED, (*_CASADI, "--no-augment"), usual=False),
-    Synthesis("NoSketch" + REFINED, (*_CASADI, "--no-sketch"), usual=False),
-    Synthesis("NoIF" + REFINED, (*_CASADI, "--no-if"), usual=False),
+    Synthesis("synth", places=tuple(p.name for p in CLASSIC_PLACES if p.exchanged is None)),
+    *_both("Naive", ("--no-oracle", "--pool", "24"), _VARIED),
+    *_both("NoAug", (*_CASADI, "--no-augment"), _VARIED),
+    *_both("NoSketch", (*_CASADI, "--no-sketch"), _VARIED),
+    *_both("NoIF", (*_CASADI, "--no-if"), _VARIED),
 )
+"""In the order in which they are run."""
 
 # The limit of every program's row, where the paper has twelve hours: this many tunings and races.
 _LIMIT = ("--budget", "4000")

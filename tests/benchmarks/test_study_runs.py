@@ -90,7 +90,18 @@ def test_rows_are_run_once_and_one_that_fails_stops_no_other(
     assert naive.command == (
         *("pirlc", "synth", "examples/mountain_car/mountain_car.pirl"),
         *("-o", str(tmp_path / "runs" / CLASSIC / f"Naive-{PLACE}-0"), "--no-oracle"),
-        *("--no-refine", *small, "--seed", "0", "--workers", "1", "--episodes", "3"),
+        *(
+            "--pool",
+            "24",
+            "--no-refine",
+            *small,
+            "--seed",
+            "0",
+            "--workers",
+            "1",
+            "--episodes",
+            "3",
+        ),
     )
     assert lowest.returns is not None
     assert (lowest.returns.mean, lowest.returns.episodes) == (-200.0, 3)
@@ -143,22 +154,24 @@ def test_names_that_are_not_known() -> None:
         assert refused.value.code == message
     with pytest.raises(SystemExit):
         main(["--suite", "chess"])
+    with pytest.raises(SystemExit, match="--episodes: at least 2"):
+        main(["--episodes", "1"])
 
 
 def test_what_would_be_run(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--list", "--suite", "torcs", "--seed", "0", "1", "--row", "DRL", "NoAug"]) == 0
     assert capsys.readouterr().out == (
         "torcs  DRL-g-track-1-0  -\n"
-        "torcs  NoAug-g-track-1-0  --optimizer casadi --no-augment\n"
         "torcs  DRL-aalborg-0  -\n"
-        "torcs  NoAug-aalborg-0  --optimizer casadi --no-augment\n"
-        "torcs  NoAug-g-track-1-1  --optimizer casadi --no-augment\n"
-        "torcs  NoAug-aalborg-1  --optimizer casadi --no-augment\n"
+        "torcs  NoAug-g-track-1-0  --optimizer casadi --no-augment --budget 4000\n"
+        "torcs  NoAug-aalborg-0  --optimizer casadi --no-augment --budget 4000\n"
+        "torcs  NoAug-g-track-1-1  --optimizer casadi --no-augment --budget 4000\n"
+        "torcs  NoAug-aalborg-1  --optimizer casadi --no-augment --budget 4000\n"
     )
     assert main(["--list", "--row", "DRL", "minimum", "--environment", "Pendulum-v1"]) == 0
     assert capsys.readouterr().out.split() == [
-        *("classic", "DRL-Pendulum-v1-0", "-", "classic", "minimum-Pendulum-v1-0", "-"),
-        *("classic", "DRL-Pendulum-v1-1", "-", "classic", "DRL-Pendulum-v1-2", "-"),
+        *("classic", "DRL-Pendulum-v1-0", "-", "classic", "DRL-Pendulum-v1-1", "-"),
+        *("classic", "DRL-Pendulum-v1-2", "-", "classic", "minimum-Pendulum-v1-0", "-"),
     ]
 
 
@@ -206,7 +219,7 @@ def test_a_record_made_otherwise_is_made_again(tmp_path: Path) -> None:
     assert missing([job], []) == [job]
     (other,) = jobs_of(CLASSIC, parser().parse_args(words(tmp_path, "--pool", "4")))
     assert missing([other], [made]) == [other]
-    assert job.asked["options"] == ["--no-oracle", "--no-refine", "--pool", "3"]
+    assert job.asked["options"] == ["--no-oracle", "--pool", "24", "--no-refine", "--pool", "3"]
 
 
 def test_rows_have_names_of_their_own() -> None:

@@ -310,12 +310,18 @@ def test_what_is_read_from_a_run(tmp_path: Path) -> None:
     assert pairs(tmp_path / "none") == []
     proved, unknown = {"kind": "proved"}, {"kind": "unknown"}
     found = {
-        "properties": [{"binary64": proved}, {"binary64": unknown}],
-        "bounds": [{"evidence": proved}],
-        "emitted": [{"evidence": unknown}],
+        "properties": [
+            {"name": "a", "binary64": proved},
+            {"name": "b", "binary64": unknown},
+            {"name": "c", "binary64": proved},
+        ],
+        "bounds": [{"action": "u", "raw_lower": {"value": 1, "evidence": proved}}],
+        "emitted": [{"evidence": unknown}, {"evidence": unknown}],
     }
     (tmp_path / "verification.json").write_text(json.dumps(found), encoding="utf-8")
-    assert provable(tmp_path) == "1 of 2 properties in binary64, bounds"
+    assert provable(tmp_path) == (
+        "a, c proved; b unknown; bounds proved; emitted C equal to it: unknown"
+    )
     assert provable(tmp_path / "none") is None
     estimate = {"mean": 1 / 3, "low": 0.25, "high": 0.5, "std": 1.0, "episodes": 3}
     manifest = {"evaluation": {"first_seed": 5, "returns": {"program": estimate}}, "oracle": None}
