@@ -70,6 +70,7 @@ class Search:
     choice: Choice | None = None
     pool: list[Expansion] = field(default_factory=list)
     told_left_out: bool = False
+    told_unanswered: bool = False
     met: Record = field(default_factory=list)
     _made: dict[str, PythonController | CControllerFactory] = field(default_factory=dict)
     _texts: dict[int, tuple[ProgramTemplate, str]] = field(default_factory=dict)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from pirlc.oracle.network import Oracle
 from pirlc.search.candidate import Candidate
 from pirlc.search.context import Search
 from pirlc.search.neighbourhood import Neighbour
-from pirlc.search.problems import LeftOut, describe
+from pirlc.search.problems import LeftOut, Unanswered, describe
 from pirlc.semantics.histories import HistorySet, histories_of, join
 from pirlc.simulation.policy import Ready
 from pirlc.simulation.rollout import Episode
@@ -74,11 +75,11 @@ class Imitation:
         problems = self.problems(search, templates)
         parts = [separate(problem) for problem in problems]
 
-        def run(missing: Sequence[TuningProblem]) -> list[dict[str, float | dict[str, float]]]:
+        def run(missing: Sequence[TuningProblem]) -> list[dict[str, Any]]:
             found = parallel_map(lambda p: tune(p, seed, how), missing, search.workers)
-            return [{"distance": t.distance, "values": t.values} for t in found]
+            return [{"distance": t.distance, "values": t.values, "note": t.note} for t in found]
 
-        candidates = []
+        candidates, notes = [], []
         for done in range(0, len(problems), _BATCH):
             search.progress(f"tune ({stage})", done, len(problems))
             batch = range(done, min(done + _BATCH, len(problems)))
@@ -87,6 +88,7 @@ class Imitation:
             answers = iter(search.journal.each("tune", asked, keys, run))
             for i in batch:
                 found = [next(answers) for _ in parts[i]]
+                notes += [part["note"] for part in found if part["note"]]
                 if parts[i] == (problems[i],):
                     values, distance = found[0]["values"], found[0]["distance"]
                 else:
@@ -96,6 +98,9 @@ class Imitation:
                     Candidate(templates[i].expansion, tuple(sorted(values.items())), distance)
                 )
                 search.keep(f"tune ({stage})", candidates[-1])
+        if notes and not search.told_unanswered:
+            search.told_unanswered = True
+            search.warn(describe(Unanswered(how.optimizer, tuple(notes), stage)))
         return candidates
 
     def update_histories(self, search: Search, program: Candidate, turn: int) -> Imitation:

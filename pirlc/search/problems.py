@@ -1,4 +1,4 @@
-"""What is told about optimisers that cannot take a sketch's templates (E0430, E0431)."""
+"""What is told about optimisers that cannot take a sketch's templates (E0430 to E0432)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,16 @@ class LeftOut:
     templates: int
 
 
-Problem = NothingSuits | LeftOut
+@dataclass(frozen=True)
+class Unanswered:
+    """Templates that an optimiser came to no end with, each with what it notes; a warning."""
+
+    optimizer: Optimizer
+    notes: tuple[str, ...]
+    stage: str
+
+
+Problem = NothingSuits | LeftOut | Unanswered
 
 _SHOWN = 3
 _HELP = "`--optimizer casadi` takes every template; `--optimizer auto` takes the best that can"
@@ -55,6 +64,15 @@ def describe(problem: Problem) -> Diagnostic:
                 "left out",
                 notes=(*_counted(reasons), "the same goes for templates met later"),
                 help=_HELP,
+                severity=Severity.WARNING,
+            )
+        case Unanswered(optimizer, notes, stage):
+            return Diagnostic(
+                "E0432",
+                f"`{optimizer}` has no answer for {len(notes):,} "
+                f"template{'s' * (len(notes) > 1)} ({stage})",
+                notes=tuple(f"{count:,}: {note}" for note, count in Counter(notes).most_common()),
+                help="leave `--optimizer` out, or look at shorter programs with `--max-size`",
                 severity=Severity.WARNING,
             )
         case _:

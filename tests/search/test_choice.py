@@ -285,3 +285,19 @@ def test_a_whole_search_with_bayes(tmp_path: Path) -> None:
     assert found[0] == found[1]
     assert path.read_bytes() == lines
     assert found[0].program.mean > 8.0
+
+
+def test_templates_without_an_answer_are_told_once() -> None:
+    settings = replace(SETTINGS, optimizer=SMT, tuning=Tuning(effort=1), pool=3)
+    run = search_in(Journal(None, Budget()), settings=settings)
+    told = listened(run.search)
+    objective = with_optimizer(run.search, create_histories(run.search, ByHand()))
+    initialize(run.search, objective)
+    initialize(run.search, objective)
+    (warning,) = told.warnings
+    assert render(warning) == (
+        "warning[E0432]: `smt` has no answer for 3 templates (initialize)\n"
+        "  = note: 3: z3 reached its limit before its first answer: these are the parameters to "
+        "start from\n"
+        "  = help: leave `--optimizer` out, or look at shorter programs with `--max-size`"
+    )
