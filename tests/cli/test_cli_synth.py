@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import resource
 import signal
 import time
@@ -10,6 +11,7 @@ import time
 import pytest
 from joblib.externals.loky import get_reusable_executor
 
+from tests.support.command_line import ROOT
 from tests.support.processes import started
 
 ENVIRONMENT = '''
@@ -250,3 +252,14 @@ def test_an_optimiser_makes_no_sense_without_an_oracle(pirlc, point):
         outcome = pirlc(*SYNTH, "--no-oracle", *option, "-o", "run")
         assert outcome.code == 2
         assert "make no sense with --no-oracle" in outcome.err.replace("\n", " ")
+
+
+def test_the_command_of_the_documentation_says_what_is_done(pirlc, point):
+    text = (ROOT / "docs" / "search.md").read_text(encoding="utf-8")
+    section = text.split("## Tuning a template\n")[1].split("\n## ")[0]
+    ((command, sketch, options),) = re.findall(r"(pirlc synth) (\S+) (.*) -o runs/bayes", section)
+    assert command and (ROOT / sketch).is_file()
+    small = ("--trials", "10", "--pool", "2", "--no-refine", "--json")
+    outcome = pirlc(*SYNTH, *GUIDED, *options.split(), *small, "-o", "runs/bayes")
+    assert outcome.code == 0
+    assert outcome.data["optimizer"]["chosen"] == "bayes"
