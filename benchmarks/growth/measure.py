@@ -73,7 +73,7 @@ def timed(work: Callable[[], object], long: bool) -> tuple[float, int]:
     What is done in less than a few milliseconds is done several times between two looks at the
     clock. Work that is `long` is done once, without a first call that does not count.
     """
-    spent = []
+    spent: list[float] = []
     calls = 1
     if not long:
         before = time.process_time()

@@ -131,7 +131,8 @@ def labels_for(histories: HistorySet) -> NDArray[np.float64]:
     """What an oracle might do there: it switches, saturates, and is not a program's function."""
     first = histories.element(histories.interface.sensors[0].name, -1)
     last = histories.element(histories.interface.sensors[-1].name, -2)
-    return np.clip(np.sin(4.0 * first) + np.where(first > 0.2, 0.6, -0.4) * last, -1, 1)[:, None]
+    wanted = np.sin(4.0 * first) + np.where(first > 0.2, 0.6, -0.4) * last
+    return np.clip(wanted.astype(np.float64), -1.0, 1.0).reshape(-1, 1)
 
 
 def values_of(template: ProgramTemplate) -> dict[str, float]:
@@ -149,7 +150,7 @@ class ByHand:
 
     def actions(self, observations: NDArray[np.float64]) -> NDArray[np.float64]:
         law = observations @ np.array([0.3, 0.6, 6.0, 1.5])
-        return (law > 0.0).astype(np.float64)[:, np.newaxis]
+        return (law > 0.0).astype(np.float64).reshape(-1, 1)
 
     def values(self, observations: NDArray[np.float64]) -> None:  # noqa: ARG002
         return
