@@ -30,7 +30,7 @@ def test_blocks_change_no_solution(gain: float, monkeypatch: pytest.MonkeyPatch)
 
 def test_too_few_histories_leave_the_parameters_alone() -> None:
     template = given.one_law(3, 4)
-    histories = given.history_set(template, 5)
+    histories = given.history_set(template, 2)
     theta = np.array(list(given.values_of(template).values()))
     solver = LinearSolver(TuningProblem(template, histories, given.labels_for(histories)))
     np.testing.assert_array_equal(solver.solved(theta), theta)
