@@ -12,7 +12,7 @@ import pytest
 from pirlc.diagnostics import PirlcError
 from pirlc.frontend import parse_sketch
 from pirlc.ir.expansion import close
-from pirlc.pipeline import SynthesisResult, synthesize
+from pirlc.pipeline import NoResult, SynthesisResult, synthesize
 from pirlc.report.request import OracleRequest, SynthesisRequest
 from pirlc.search.settings import Progress, Settings
 from pirlc.search.synthesis import Ending, Plan
@@ -244,6 +244,8 @@ def test_folders_of_others_stay_as_they_are(done: SynthesisRequest, tmp_path: Pa
 def test_nothing_small_enough_and_no_time(request_: SynthesisRequest) -> None:
     assert refused(replace(request_, settings=replace(SMALL, largest=3))) == "E0726"
     early = replace(request_, folder=request_.folder.parent / "early", seconds=1e-9)
-    assert refused(early) == "E0725"
+    nothing = synthesize(early, lambda _: None, lambda _: None)
+    assert isinstance(nothing, NoResult) and nothing.ending is Ending.TIMEOUT
+    assert json.loads((early.folder / "manifest.json").read_text())["state"] == "timeout"
     hardware = SKETCH.replace('environment "CartPole-v1"\n', "")
     assert refused(replace(request_, source=SourceText("pole.pirl", hardware))) == "E0721"

@@ -114,7 +114,7 @@ def test_another_seed_is_another_search(imitated: tuple[Path, Run, Candidate]) -
 EVERYTHING = Plan()
 
 
-def whole(path: Path | None, budget: Budget, plan: Plan = EVERYTHING) -> tuple[Found | None, Run]:
+def whole(path: Path | None, budget: Budget, plan: Plan = EVERYTHING) -> tuple[Found | Ending, Run]:
     journal = Journal(path, budget)
     run = search_in(journal, SHORT)
     found = find_program(run.search, ByHand(), plan)
@@ -126,7 +126,7 @@ def whole(path: Path | None, budget: Budget, plan: Plan = EVERYTHING) -> tuple[F
 def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Found, Run]:
     path = tmp_path_factory.mktemp("whole") / "journal"
     found, run = whole(path, Budget())
-    assert found is not None
+    assert isinstance(found, Found)
     return path, found, run
 
 
@@ -157,7 +157,7 @@ def test_a_budget_always_ends_in_a_program(finished: tuple[Path, Found, Run]) ->
     # Wherever the budget ends: in tuning, in simulation, in refinement, or after it.
     for calls in (*range(FIRST, used, 5), used - 2, used - 1, used, used + 1):
         stopped, stopped_run = whole(path, Budget(calls=calls))
-        assert stopped is not None, calls
+        assert isinstance(stopped, Found), calls
         if calls < used:
             assert stopped.ending is Ending.BUDGET
             assert stopped_run.search.journal.stopped_at is not None
@@ -169,7 +169,7 @@ def test_a_budget_always_ends_in_a_program(finished: tuple[Path, Found, Run]) ->
 def test_a_budget_that_ends_in_tuning_gives_the_closest(finished: tuple[Path, Found, Run]) -> None:
     path, _, _ = finished
     stopped, run = whole(path, Budget(calls=SETTINGS.pool))
-    assert stopped is not None
+    assert isinstance(stopped, Found)
     assert stopped.imitated is None
     assert stopped.program.loss == min(c.loss for _, c in run.recorded)
 
@@ -180,7 +180,7 @@ def test_a_run_stopped_by_time_is_replayed_by_its_count(
     path, _, _ = finished
     ticks = count()
     stopped, run = whole(path, Budget(seconds=15.0, clock=lambda: float(next(ticks))))
-    assert stopped is not None
+    assert isinstance(stopped, Found)
     assert stopped.ending is Ending.BUDGET
     calls = run.search.journal.stopped_at
     assert calls is not None
@@ -191,7 +191,17 @@ def test_a_run_stopped_by_time_is_replayed_by_its_count(
 
 def test_no_budget_at_all_finds_nothing() -> None:
     found, _ = whole(None, Budget(calls=0))
-    assert found is None
+    assert found is Ending.TIMEOUT
+
+
+def test_ctrl_c_before_there_is_a_program() -> None:
+    run = search_in(Journal(None, Budget()), SHORT)
+
+    def interrupt(_: Progress) -> None:
+        raise KeyboardInterrupt
+
+    run.search.tell = interrupt
+    assert find_program(run.search, ByHand(), Plan()) is Ending.INTERRUPTED
 
 
 def test_without_refinement_the_program_is_that_of_algorithm_1(
@@ -199,7 +209,7 @@ def test_without_refinement_the_program_is_that_of_algorithm_1(
 ) -> None:
     path, found, _ = finished
     plain, run = whole(path, Budget(), Plan(refine=False))
-    assert plain is not None
+    assert isinstance(plain, Found)
     assert plain.imitated == found.imitated
     assert plain.program.expansion == plain.imitated.expansion if plain.imitated else False
     assert not {"refine", "validate"} & {stage for stage, _ in run.recorded}
@@ -215,7 +225,7 @@ def test_ctrl_c_keeps_the_best_so_far() -> None:
 
     run.search.tell = interrupt
     found = find_program(run.search, ByHand(), Plan())
-    assert found is not None
+    assert isinstance(found, Found)
     assert found.ending is Ending.INTERRUPTED
     assert found.imitated is None
     best = max(c.mean for _, c in run.recorded)
