@@ -156,5 +156,5 @@ def test_what_the_documentation_shows(process, folder):
                 assert words[:2] == ["pirlc", "rollout"]
                 outcome = process(*words[1:])
                 shown = [*takewhile(lambda text: text[:2] != "$ ", lines[number + 1 :])]
-                assert (outcome.code, outcome.out.splitlines()) == (0, shown)
+                assert (outcome.err, outcome.out.splitlines()) == ("", shown)
         assert started_nodes == 2
