@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Records = Sequence[Record]
+COLUMNS = 3
 MARKS = "osD^vP*X<>hd"
 
 
@@ -38,9 +39,13 @@ def _figure(title: str, records: Records) -> tuple[Figure, dict[str, Axes]]:
     from matplotlib.figure import Figure
 
     names = [name for name in ENVIRONMENTS if any(r.environment == name for r in records)]
-    figure = Figure(figsize=(4.2 * max(len(names), 1), 4.2), layout="constrained")
-    axes = figure.subplots(1, max(len(names), 1), squeeze=False)[0]
+    columns = min(max(len(names), 1), COLUMNS)
+    rows = -(-max(len(names), 1) // columns)
+    figure = Figure(figsize=(4.2 * columns, 3.8 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).flatten()
     figure.suptitle(title)
+    for spare in axes[len(names) :]:
+        spare.set_visible(False)
     for name, axis in zip(names, axes, strict=False):
         axis.set_title(name)
         axis.grid(alpha=0.3)
