@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,7 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from pirlc.diagnostics import Diagnostic, PirlcError, render
+from pirlc.frontend import parse_sketch
 from pirlc.ir.policy import Environment
+from pirlc.resources import explanations
 from pirlc.search.choice import decide, require_suitable, with_optimizer, within
 from pirlc.search.context import Search
 from pirlc.search.imitation import Imitation, create_histories
@@ -21,6 +24,7 @@ from pirlc.search.problems import LeftOut, NothingSuits, describe
 from pirlc.search.settings import Choice, Settings
 from pirlc.search.synthesis import Found, Plan, find_program
 from pirlc.simulation.workers import ALONE, Workers
+from pirlc.source import SourceText
 from pirlc.tune.how import Optimizer, Tuning
 from tests.search.sketches import sketch_of
 from tests.support.small_search import SETTINGS, SHORT, ByHand, search_in
@@ -301,3 +305,18 @@ def test_templates_without_an_answer_are_told_once() -> None:
         "start from\n"
         "  = help: leave `--optimizer` out, or look at shorter programs with `--max-size`"
     )
+
+
+@pytest.mark.parametrize("code", ["E0430", "E0431", "E0432"])
+def test_each_code_has_a_page(code: str) -> None:
+    page = (explanations() / f"{code}.md").read_text(encoding="utf-8")
+    assert page.startswith(f"# {code}: ") and "## What to do" in page
+
+
+def test_the_examples_of_the_page() -> None:
+    page = (explanations() / "E0430.md").read_text(encoding="utf-8")
+    wrong, right = re.findall(r"```pirl\n(.*?)```", page, re.DOTALL)
+    settings = replace(SETTINGS, optimizer=SMT)
+    with pytest.raises(PirlcError, match="E0430"):
+        require_suitable(parse_sketch(SourceText("wrong", wrong)), settings)
+    require_suitable(parse_sketch(SourceText("right", right)), settings)
