@@ -37,4 +37,4 @@ class Tuning:
     trials: int = 200
     seconds: float | None = None
     tolerance: float = 0.05
-    effort: int = 3_000_000
+    effort: int = 1_000_000

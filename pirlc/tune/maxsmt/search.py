@@ -23,8 +23,9 @@ LOOKED_AT = 8192
 """The histories that are gathered into groups; of more, a sample. The last word has the score of
 all."""
 
-FIRST, GROWTH, MOST = 48, 16, 160
-"""Histories of the first question, how many more in each next one, and of the largest."""
+FIRST, GROWTH, MOST, FEWEST = 48, 16, 160, 8
+"""Histories of the first question, how many more in each next one, and of the largest and the
+smallest."""
 
 WIDTHS = (1.0, 0.5, 0.25, 0.12)
 """Halves of the boxes around the best parameters: by how much of its spread each parameter may move
@@ -33,7 +34,14 @@ a guard."""
 PART = 0.125
 """Of the effort, for one question."""
 
+LEAST = 0.02
+"""Of the effort, for a question that is answered at once: so many there may be."""
+
+PATIENCE = 2
+"""Rounds of all widths without anything better, before the search ends."""
+
 MARGIN = 0.002
+"""How clear of zero a guard is to be, as a part of its spread."""
 
 _WRITING = 1500
 """What a soft constraint costs before z3 begins, in z3's units of effort."""
@@ -82,6 +90,7 @@ class _Search:
         self.rng = np.random.default_rng(seed)
         self.begun = monotonic()
         self.effort = how.effort
+        self.answered = True
         count = len(problem.histories)
         if count > LOOKED_AT:
             sample = np.sort(self.rng.choice(count, LOOKED_AT, replace=False))
@@ -106,9 +115,11 @@ class _Search:
         block = tuple(positions[name] for name in sets[0])
         view = self._view(block, found.theta)
         self._ask(view, found, self._everywhere(), FIRST)
-        turn, width, most = 0, 0, FIRST
-        while self.effort > 0 and self._in_time() and found.distance > 0.0:
-            most = min(MOST, most + GROWTH)
+        turn, width, most, idle = 0, 0, FIRST, 0
+        patience = PATIENCE * (len(WIDTHS) + 1) * len(sets)
+        while self.effort > 0 and self._in_time() and found.distance > 0.0 and idle < patience:
+            # A question that was too long for an answer is asked again with fewer histories.
+            most = min(MOST, most + GROWTH) if self.answered else max(FEWEST, most // 2)
             if len(sets) > 1:
                 turn += 1
                 block = tuple(positions[name] for name in sets[turn % len(sets)])
@@ -119,6 +130,7 @@ class _Search:
                 else self._around(view, found.theta, WIDTHS[width])
             )
             better = self._ask(view, found, box, most)
+            idle = 0 if better else idle + 1
             width = min(width, len(WIDTHS) - 1) if better else (width + 1) % (len(WIDTHS) + 1)
         return self._best(found)
 
@@ -201,11 +213,13 @@ class _Search:
         wrong = ~np.broadcast_to(right, (count,))
         chosen = choose_histories(view.features, self.kinds, among, wrong, most, self.rng)
         if not len(chosen.numbers):
-            self.effort -= _WRITING * most
+            self.effort -= max(_WRITING * most, int(self.how.effort * LEAST), 1)
             return False
         slice_ = min(self.effort, max(1, int(self.how.effort * PART)))
         answer = solve(view.truth, view.guards, chosen, box, MARGIN, slice_, self._left())
-        self.effort -= min(answer.effort, slice_) + _WRITING * len(chosen.numbers)
+        spent = min(answer.effort, slice_) + _WRITING * len(chosen.numbers)
+        self.effort -= max(spent, int(self.how.effort * LEAST), 1)
+        self.answered = bool(answer.models)
         return self._keep(found, answer.models)
 
     def _keep(self, found: _Found, models: Sequence[Vector]) -> bool:
