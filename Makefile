@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt
 PYTEST_ARGS ?= -n auto
 
-.PHONY: help synth test lint slow assure bench bench-torcs mutate clean
+.PHONY: help synth test lint slow assure bench bench-torcs study mutate clean
 .DEFAULT_GOAL := help
 
 help:
@@ -16,6 +16,7 @@ help:
 	@echo "make slow    the long checks"
 	@echo "make assure  emitted C under compilers, analysers, sanitizers and on other machines"
 	@echo "make bench   the benchmarks; bench-torcs: the experiments in TORCS (hours)"
+	@echo "make study   the paper's tables, and pirlc beside other methods (hours)"
 	@echo "make mutate  plants faults in templates, printers and lowering: do the tests notice?"
 	@echo "make clean   remove $(VENV), runs and caches"
 
@@ -40,11 +41,18 @@ assure: $(VENV)/installed-dev
 bench: $(VENV)/installed-dev
 	@$(BIN)/python -m benchmarks.scoring
 	@$(BIN)/python -m benchmarks.step_instructions
+	@$(BIN)/python -m benchmarks.optimizers
+	@$(BIN)/python -m benchmarks.growth
 
 bench-torcs: $(VENV)/installed-dev
 	@$(BIN)/pirlc torcs install
 	@for name in synthesise performance smoothness transfer environment robustness; do \
 	    $(BIN)/python -m benchmarks.torcs.$$name || exit 1; done
+
+study: $(VENV)/installed-dev
+	@$(BIN)/pirlc torcs install
+	@$(BIN)/python -m benchmarks.peers
+	@$(BIN)/python -m benchmarks.study --suite classic torcs
 
 mutate: $(VENV)/installed-dev
 	@$(BIN)/python -m benchmarks.mutation
