@@ -121,7 +121,8 @@ class LocalCluster:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, "PYTHONPATH": str(path)},
+                # Ray's workers are nicer than all others, and would wait long on a busy machine.
+                env={**os.environ, "PYTHONPATH": str(path), "RAY_worker_niceness": "0"},
                 start_new_session=True,
             )
         node = Node(process)

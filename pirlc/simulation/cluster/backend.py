@@ -36,7 +36,7 @@ from pirlc.simulation.cluster.problems import (
 from pirlc.simulation.problems import WorkerDied
 from pirlc.simulation.problems import failure as simulation_failure
 
-_PATIENCE = 90.0
+_PATIENCE = 180.0
 """Seconds for a connection to a cluster."""
 
 _KNOCK = 5.0
