@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from pirlc.ir.policy import Continuous
 from pirlc.symbolic.smooth import SmoothedObjective
 from pirlc.tune.how import Tuning
 from pirlc.tune.problem import Score, Tuned, TuningProblem
@@ -77,11 +78,13 @@ def _best(problem: TuningProblem, score: Score, seed: int, how: Tuning) -> Vecto
     first = list(starts(problem, objective, frame, rng, STARTS))
     box = _box(problem, objective, frame, first)
     free = [j for j in range(len(problem.names)) if box.lower[j] < box.upper[j]]
+    # The distance of discrete actions has steps, which to a smooth process are noise.
+    smooth = all(isinstance(a.domain, Continuous) for a in problem.template.interface.actions)
     sampler = GPSampler(
         seed=seed,
         independent_sampler=RandomSampler(seed=seed),
         n_startup_trials=len(first),
-        deterministic_objective=True,
+        deterministic_objective=smooth,
     )
     study = optuna.create_study(sampler=sampler)
     for theta in first:
