@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import shutil
 import stat
 import subprocess
 import sys
@@ -206,8 +207,11 @@ def test_factories_travel_to_worker_processes(name, tmp_path):
         "    print([policy.act([0.1 * k] * 8) for k in range(5)], policy.status)\n"
     )
     factories = [python_controller(program), c_controller(program, tmp_path)]
-    found = subprocess.run(
-        [sys.executable, "-c", code], input=pickle.dumps(factories), capture_output=True, check=True
-    )
-    first, second = found.stdout.decode().splitlines()
-    assert first == second and first.count("(") == 5
+    travelling = pickle.dumps([*factories, factories[1]])
+    for there in ("the same machine", "another, without the library"):
+        found = subprocess.run(
+            [sys.executable, "-c", code], input=travelling, capture_output=True, check=True
+        )
+        first, second, third = found.stdout.decode().splitlines()
+        assert first == second == third and first.count("(") == 5, there
+        shutil.rmtree(tmp_path)
