@@ -53,6 +53,16 @@ from pirlc.cli.workers import place_options
     help="Programs that `bayes` tries for a template (default: 200).",
 )  # fmt: skip
 @click.option(
+    "--effort", type=click.IntRange(1),
+    help="What `smt` may spend on a template, in z3's units of work (default: 1000000, a second "
+    "or two).",
+)  # fmt: skip
+@click.option(
+    "--tolerance", type=click.FloatRange(0, 1, min_open=True),
+    help="`smt` is content with a continuous action this close to the oracle's, as a part of its "
+    "range (default: 0.05).",
+)  # fmt: skip
+@click.option(
     "--tune-seconds", type=click.FloatRange(0, min_open=True),
     help="`bayes` and `smt` stop after this long at a template.",
 )  # fmt: skip
@@ -94,11 +104,12 @@ def command(session: Session, /, sketch: str, **options: Any) -> int:
         raise click.UsageError("options of the training make no sense without a training.")
     if wish.origin and wish.no_oracle:
         raise click.UsageError("--oracle and --no-oracle exclude each other.")
-    tuning = (wish.trials, wish.tune_seconds, None if wish.optimizer == "auto" else True)
+    chosen = None if wish.optimizer == "auto" else wish.optimizer
+    tuning = (chosen, wish.trials, wish.effort, wish.tolerance, wish.tune_seconds)
     if wish.no_oracle and any(choice is not None for choice in tuning):
         raise click.UsageError(
-            "--optimizer, --trials and --tune-seconds make no sense with --no-oracle: parameters "
-            "are then found by return."
+            "--optimizer and its options make no sense with --no-oracle: parameters are then found "
+            "by return."
         )
     if wish.no_oracle and wish.no_augment:
         raise click.UsageError(

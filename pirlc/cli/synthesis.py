@@ -45,6 +45,8 @@ class Wish:
     pool: int | None
     optimizer: str
     trials: int | None
+    effort: int | None
+    tolerance: float | None
     tune_seconds: float | None
     episodes: int | None
     place: Place
@@ -157,8 +159,12 @@ def _request(wish: Wish) -> SynthesisRequest:
 
 
 def _tuning(wish: Wish) -> Tuning:
-    trials = Tuning.trials if wish.trials is None else wish.trials
-    return Tuning(trials=trials, seconds=wish.tune_seconds)
+    return Tuning(
+        trials=Tuning.trials if wish.trials is None else wish.trials,
+        effort=Tuning.effort if wish.effort is None else wish.effort,
+        tolerance=Tuning.tolerance if wish.tolerance is None else wish.tolerance,
+        seconds=wish.tune_seconds,
+    )
 
 
 _ENDINGS = {

@@ -28,7 +28,7 @@ TEMPLATES = 3
 """Compared on: those with the fewest parameters, the most, and one between."""
 
 TRIALS = 20
-EFFORT = 2_000_000
+EFFORT = 1_000_000
 """Budgets of the comparison, or those of the search where they are smaller."""
 
 BY_SPEED = (Optimizer.CASADI, Optimizer.SMT, Optimizer.BAYES)

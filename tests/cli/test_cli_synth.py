@@ -248,7 +248,8 @@ action Push : [-1, 1] safe 0 = {terms}
 
 
 def test_an_optimiser_makes_no_sense_without_an_oracle(pirlc, point):
-    for option in (("--optimizer", "bayes"), ("--trials", "9"), ("--tune-seconds", "1")):
+    options = ("--trials", "--tune-seconds", "--effort", "--tolerance")
+    for option in (("--optimizer", "bayes"), *((name, "1") for name in options)):
         outcome = pirlc(*SYNTH, "--no-oracle", *option, "-o", "run")
         assert outcome.code == 2
         assert "make no sense with --no-oracle" in outcome.err.replace("\n", " ")
