@@ -83,8 +83,8 @@ class Lowest:
 
 Row = Synthesis | Teacher | Lowest
 
-_BAYES = ("--optimizer", "bayes", "--trials", "30", "--pool", "16", "--budget", "70")
-_SMT = ("--optimizer", "smt", "--pool", "24", "--budget", "80")
+_BAYES = ("--optimizer", "bayes", "--trials", "25", "--pool", "16", "--budget", "72")
+_SMT = ("--optimizer", "smt", "--pool", "16", "--budget", "72")
 """Counts with which Algorithm 1 has one turn of its loop after `initialize`."""
 _CASADI = ("--optimizer", "casadi")
 _ALONE = ("--no-refine",)
@@ -103,7 +103,7 @@ def _both(
 
 CLASSIC_ROWS: tuple[Row, ...] = (
     Teacher(),
-    Synthesis("NDPS-CasADi", (*_CASADI, *_ALONE)),
+    Synthesis("NDPS-CasADi", (*_CASADI, *_ALONE), places=_PAPERS),
     *_both("NDPS-SMT", _SMT, _PAPERS),
     *_both("NDPS-BOPT", _BAYES, _PAPERS),
     Lowest(),
