@@ -214,4 +214,4 @@ def test_factories_travel_to_worker_processes(name, tmp_path):
         )
         first, second, third = found.stdout.decode().splitlines()
         assert first == second == third and first.count("(") == 5, there
-        shutil.rmtree(tmp_path)
+        shutil.rmtree(tmp_path, ignore_errors=True)

@@ -150,7 +150,7 @@ def test_what_the_documentation_shows(process, folder):
                 cluster.start(options=words[2:])
                 started_nodes += 1
             elif words[:2] == ["pirlc", "synth"]:
-                soon = ("--no-oracle", "--budget", "20", "--episodes", "10")
+                soon = ("--no-oracle", "--budget", "100", "--episodes", "10")
                 assert process(*words[1:], *soon).code == 0
             else:
                 assert words[:2] == ["pirlc", "rollout"]
