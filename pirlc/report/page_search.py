@@ -34,6 +34,7 @@ def search_data(
         "simulated": len(simulated),
         "calls": manifest.get("calls_of_search"),
         "seconds": manifest.get("seconds_of_search"),
+        "optimizer": _optimizer(manifest.get("optimizer")),
         "points": [
             {key: entry[key] for key in ("stage", "size", "mean_return", "episodes")}
             for entry in simulated
@@ -43,6 +44,21 @@ def search_data(
         "iterations": _iterations(entries) if with_oracle else [],
         "by_size": _by_size(entries, enough, records, with_oracle),
         "records": [_record(entry, parsed, with_oracle) for entry in records],
+    }
+
+
+def _optimizer(choice: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Which optimiser tuned, why, and the mean distances that decided, the least first."""
+    if choice is None:
+        return None
+    distances = choice["mean_distances"]
+    return {
+        "chosen": choice["chosen"],
+        "why": choice["why"],
+        "distances": [
+            {"optimizer": name, "distance": distances[name]}
+            for name in sorted(distances, key=lambda name: (distances[name], name))
+        ],
     }
 
 

@@ -94,6 +94,29 @@ def test_how_it_was_found(run, reported):
     assert {row["size"] for row in search["by_size"]} == {e["size"] for e in entries}
 
 
+def test_which_optimiser_found_the_parameters(run, reported):
+    manifest = json.loads((run / "manifest.json").read_text())
+    assert manifest["optimizer"]["why"] == "asked for"
+    page, data = reported(run)
+    assert data["search"]["optimizer"] == {
+        "chosen": "casadi",
+        "why": "asked for",
+        "distances": [],
+    }
+    assert "Parameters were found by casadi: asked for." in _words(page)
+    manifest["optimizer"]["why"] = "the closest"
+    manifest["optimizer"]["mean_distances"] = {"casadi": 0.12, "bayes": 0.145, "smt": 0.131}
+    (run / "manifest.json").write_text(json.dumps(manifest))
+    page, _ = reported(run)
+    distances = "casadi 0.12, smt 0.131, bayes 0.145"
+    assert f"(mean distance to the oracle on a few templates: {distances})." in _words(page)
+
+
+def _words(page: str) -> str:
+    """What a page says, its marks and breaks left out."""
+    return " ".join(re.sub(r"<[^>]*>", "", page).split())
+
+
 def test_resources_are_those_of_the_emitted_code(run, reported):
     _, data = reported(run)
     header = (run / "c" / "pole.h").read_text()
