@@ -64,7 +64,8 @@ def by_m2cgen(fitted: Any) -> CSource:
 
 def by_emlearn(fitted: Any) -> CSource:
     """`tree_predict`, in float, with the nodes as code (`inline`)."""
-    with warnings.catch_warnings():
+    # Its import makes numpy raise on every underflow, in the whole process.
+    with warnings.catch_warnings(), np.errstate():
         warnings.simplefilter("ignore")
         import emlearn
 

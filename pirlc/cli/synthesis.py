@@ -17,8 +17,9 @@ from pirlc.oracle.load import LoadedOracle
 from pirlc.oracle.manifest import Json
 from pirlc.oracle.store import default_cache
 from pirlc.pipeline import NoResult, SynthesisResult, synthesize
-from pirlc.report.front import table
-from pirlc.report.manifest import left_out, optimizer_data
+from pirlc.report.front_table import table
+from pirlc.report.manifest import optimizer_data
+from pirlc.report.omissions import left_out
 from pirlc.report.problems import NothingFound, describe
 from pirlc.report.request import OracleRequest, SynthesisRequest
 from pirlc.search.settings import Choice

@@ -14,6 +14,7 @@ from pirlc.ir.policy import Environment, Program
 from pirlc.ir.printer import program_text
 from pirlc.oracle.load import LoadedOracle
 from pirlc.oracle.manifest import environment_as_json, to_json
+from pirlc.report.omissions import left_out
 from pirlc.report.request import SynthesisRequest
 from pirlc.search.candidate import Candidate, as_entry
 from pirlc.search.context import FIRST_EVALUATION_SEED
@@ -64,20 +65,6 @@ def asked_of(request: SynthesisRequest, settings: Settings, episodes: int) -> di
         "plan": asdict(request.plan),
         "episodes": episodes,
     }
-
-
-_LEFT_OUT = {
-    "augment": "--no-augment",
-    "sketch": "--no-sketch",
-    "branches": "--no-if",
-    "refine": "--no-refine",
-}
-
-
-def left_out(oracle: object | None, plan: Mapping[str, bool]) -> tuple[str, ...]:
-    """The options by which a run goes without an oracle and without parts of a `Plan`."""
-    by_return = ("--no-oracle",) if oracle is None else ()
-    return (*by_return, *(option for part, option in _LEFT_OUT.items() if not plan.get(part, True)))
 
 
 def versions() -> dict[str, str]:

@@ -13,8 +13,8 @@ from pirlc.diagnostics import PirlcError
 from pirlc.frontend import parse_sketch
 from pirlc.ir.policy import Environment, Interface
 from pirlc.ir.printer import environment_text
-from pirlc.report.front import front_page
-from pirlc.report.manifest import left_out
+from pirlc.report.front_table import front_page
+from pirlc.report.omissions import left_out
 from pirlc.report.page_plots import MOST_STEPS
 from pirlc.report.page_search import search_data
 from pirlc.report.run import ANALYSIS, FRONT, READING, TRACES, VERIFICATION

@@ -157,6 +157,12 @@ def test_trees_as_c_answer_as_scikit_learn(environment: str, maker: Any) -> None
         assert found.at_thresholds == 0
 
 
+def test_emlearn_does_not_change_how_numpy_computes() -> None:
+    before = np.geterr()
+    tree_code.by_emlearn(fitted("MountainCar-v0"))
+    assert np.geterr() == before
+
+
 def test_emlearn_rounds_thresholds() -> None:
     """It prints six digits after the point, and compares with < where scikit-learn has <=."""
     learner = fitted("MountainCar-v0")

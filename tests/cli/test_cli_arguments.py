@@ -91,7 +91,10 @@ def test_an_oracle_beside_the_sketch_is_used_and_the_arguments_are_recorded(pirl
     folder.mkdir()
     (folder / "small.pirl").write_text(SKETCH)
     save_balancer(folder / "oracles" / "balancer")
-    asked = ("synth", "examples/small.pirl", "-o", "run", "--no-refine", "--episodes", "5")
+    asked = (
+        "synth", "examples/small.pirl", "-o", "run", "--optimizer", "casadi", "--no-refine",
+        "--episodes", "5",
+    )  # fmt: skip
     outcome = pirlc(*asked, "--argument", "max_episode_steps=40")
     assert outcome.code == 0, outcome.err
     assert outcome.err.startswith("oracle: examples/oracles/balancer (written by hand, seed ")
@@ -119,8 +122,8 @@ def test_a_training_that_is_asked_for_is_not_replaced(pirlc, here, wish, monkeyp
     (here / "small.pirl").write_text(SKETCH)
     save_balancer(here / "oracles" / "balancer")
     outcome = pirlc(
-        "synth", "small.pirl", "-o", "run", *wish, "--oracle-steps", "64", "--no-refine",
-        "--episodes", "5", "--budget", "1",
+        "synth", "small.pirl", "-o", "run", *wish, "--oracle-steps", "64", "--optimizer", "casadi",
+        "--no-refine", "--episodes", "5", "--budget", "1",
     )  # fmt: skip
     assert outcome.code == 0, outcome.err
     assert outcome.err.startswith("oracle: trained (")

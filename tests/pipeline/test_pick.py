@@ -14,7 +14,7 @@ from pirlc.frontend import parse_sketch
 from pirlc.ir.expansion import close
 from pirlc.ir.policy import Program
 from pirlc.pipeline import SynthesisResult, synthesize
-from pirlc.report.front import table
+from pirlc.report.front_table import table
 from pirlc.report.problems import NotOnTheFront, describe
 from pirlc.report.request import OracleRequest, SynthesisRequest
 from pirlc.search.settings import Progress, Settings

@@ -13,6 +13,7 @@ from pirlc.search.context import Search
 from pirlc.search.journal import Budget, Journal
 from pirlc.search.rounding import round_constants
 from pirlc.search.settings import Settings
+from pirlc.simulation.workers import ALONE
 from pirlc.source import SourceText
 
 LAW = """policy pole
@@ -41,7 +42,7 @@ def search_of(law: str) -> Search:
         Environment("CartPole-v1"),
         Settings(episodes=5),
         Journal(None, Budget()),
-        1,
+        ALONE,
         lambda _: None,
         lambda _stage, _candidate: None,
     )
