@@ -17,7 +17,7 @@ from benchmarks.study.records import (
     Return,
 )
 from benchmarks.study.rows import CLASSIC, Lowest, Place, Row, Synthesis, Teacher
-from benchmarks.study.running import Children, Failed, Run, answer, digest, synthesise
+from benchmarks.study.running import Children, Failed, Run, answer, digest, short, synthesise
 from pirlc.backend.files import write_text
 from pirlc.frontend import parse_sketch
 from pirlc.ir.policy import ActionSpec, Choice, Continuous, Program
@@ -143,7 +143,7 @@ def synthesised(job: Job, children: Children) -> Record:
 
 def taught(job: Job, children: Children) -> Record:
     """The oracle: trained, or found in the cache, and evaluated as the programs are."""
-    sketch = str(sketch_file(job.place, job.folder))
+    sketch = short(sketch_file(job.place, job.folder))
     training = ("pirlc", "oracle", "train", sketch, "--seed", str(job.seed), "--json")
     trained, _ = answer(training, job.folder / f"{job.name}-training.json", children)
     weights = trained["folder"]
@@ -190,7 +190,7 @@ def lowest(job: Job, children: Children) -> Record:
         method=job.row.method,
         environment=job.place.name,
         seed=job.seed,
-        command=("pirlc", "rollout", str(file.resolve()), *count),
+        command=("pirlc", "rollout", short(file), *count),
         returns=returns,
         size=program.size,
         provable="all",

@@ -115,7 +115,7 @@ class Run:
     @property
     def command(self) -> tuple[str, ...]:
         """As a user would type it at the repository's root."""
-        return ("pirlc", "synth", _short(self.sketch), "-o", _short(self.folder), *self.words)
+        return ("pirlc", "synth", short(self.sketch), "-o", short(self.folder), *self.words)
 
     @property
     def log(self) -> Path:
@@ -146,7 +146,8 @@ def digest(path: Path) -> str:
     return sha256(path.read_bytes()).hexdigest()
 
 
-def _short(path: Path) -> str:
+def short(path: Path) -> str:
+    """The path from the repository's root, if it is in it: a record names no machine's places."""
     resolved = path.resolve()
     return str(resolved.relative_to(ROOT) if resolved.is_relative_to(ROOT) else resolved)
 
@@ -175,7 +176,7 @@ def synthesise(run: Run, children: Children) -> Outcome:
     made_by = manifest["versions"]["pirlc"]
     if made_by != pirlc.__version__:
         raise Failed(
-            f"{_short(run.folder)} was made by pirlc {made_by}; this is pirlc "
+            f"{short(run.folder)} was made by pirlc {made_by}; this is pirlc "
             f"{pirlc.__version__}. Remove that folder, or choose another with --folder"
         )
     resumed, took = len(sessions) > 1, _sum(sessions)
@@ -233,4 +234,4 @@ def _told(command: tuple[str, ...], code: int, log: Path) -> str:
     lines = log.read_text("utf-8", errors="replace").rstrip().splitlines()
     shown = lines if len(lines) <= TOLD else ["...", *lines[-TOLD:]]
     said = "\n".join(f"  {line}" for line in shown) or "  (it said nothing)"
-    return f"{' '.join(command)}\n{how}:\n{said}\n(in full: {_short(log)})"
+    return f"{' '.join(command)}\n{how}:\n{said}\n(in full: {short(log)})"

@@ -14,6 +14,7 @@ import pytest
 import pirlc
 from benchmarks.study.records import (
     LOCK,
+    RESULTS,
     ROOT,
     SCHEMA,
     TIMEOUT,
@@ -217,3 +218,11 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
 def test_a_record_of_another_suite_is_not_written_here(tmp_path: Path) -> None:
     with writing(tmp_path, "torcs") as results, pytest.raises(ValueError, match="of classic"):
         results.write(RECORD)
+
+
+def test_stored_records_are_sound_and_name_no_machines_places() -> None:
+    for suite in ("classic", "torcs", "peers"):
+        found = read(RESULTS, suite)
+        assert found.records and not found.left_out
+        for record in found.records:
+            assert not any(Path(word).is_absolute() for word in record.command), record.method
