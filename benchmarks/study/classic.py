@@ -17,7 +17,16 @@ from benchmarks.study.records import (
     Return,
 )
 from benchmarks.study.rows import CLASSIC, Lowest, Place, Row, Synthesis, Teacher
-from benchmarks.study.running import Children, Failed, Run, answer, digest, short, synthesise
+from benchmarks.study.running import (
+    Children,
+    Failed,
+    Outcome,
+    Run,
+    answer,
+    digest,
+    short,
+    synthesise,
+)
 from pirlc.backend.files import write_text
 from pirlc.frontend import parse_sketch
 from pirlc.ir.policy import ActionSpec, Choice, Continuous, Program
@@ -91,53 +100,69 @@ def synthesised(job: Job, children: Children) -> Record:
     """A row of programs: the program's own figures, evaluated by the run itself."""
     made = run_of(job)
     found = synthesise(made, children)
-    took, manifest = found.took, found.manifest
-    figures: dict[str, Any] = {"asked": job.asked, "resumed": found.resumed}
+    manifest = found.manifest
     if manifest is None:
-        return Record(
-            suite=CLASSIC,
-            method=job.row.method,
-            environment=job.place.name,
-            seed=job.seed,
-            command=made.command,
-            core_seconds=took and round(took.core, 1),
-            wall_seconds=took and round(took.wall, 1),
-            ending=found.ending,
-            figures={**figures, "why": found.why},
-        )
-    text = manifest["program"]["text"]
-    code, step = reading.cost(text)
-    points = reading.pairs(made.folder)
-    figures |= {
-        "calls": manifest["calls_of_search"],
-        "search_seconds": manifest["seconds_of_search"],
+        return without_program(CLASSIC, job, made, found)
+    figures = {
         "algorithm": manifest["oracle"] and manifest["oracle"]["algorithm"],
-        "pairs": points,
-        "rank_correlation": reading.correlation(points),
         "optimizer": reading.optimizer_of(manifest),
     }
     before = reading.return_of(manifest, "without refinement")
     if before is not None:
         figures["without_refinement"] = [before.mean, before.low, before.high]
         figures["without_refinement_size"] = manifest["imitated"]["size"]
+    return with_program(CLASSIC, job, made, found, manifest, figures, COMPLETE)
+
+
+def without_program(suite: str, job: Job, made: Run, found: Outcome) -> Record:
+    """A row whose run found nothing."""
+    took = found.took
     return Record(
-        suite=CLASSIC,
+        suite=suite,
         method=job.row.method,
         environment=job.place.name,
         seed=job.seed,
         command=made.command,
-        returns=reading.return_of(manifest, "program"),
-        size=manifest["program"]["size"],
         core_seconds=took and round(took.core, 1),
         wall_seconds=took and round(took.wall, 1),
+        ending=found.ending,
+        figures={"asked": job.asked, "resumed": found.resumed, "why": found.why},
+    )
+
+
+def with_program(
+    suite: str,
+    job: Job,
+    made: Run,
+    found: Outcome,
+    manifest: dict[str, Any],
+    figures: dict[str, Any],
+    ending: str,
+) -> Record:
+    """A row with the program that its run found; `figures` are the suite's own."""
+    text = manifest["program"]["text"]
+    code, step = reading.cost(text)
+    points = reading.pairs(made.folder)
+    return replace(
+        without_program(suite, job, made, found),
+        returns=reading.return_of(manifest, "program"),
+        size=manifest["program"]["size"],
         step_nanoseconds=step,
         code_bytes=code,
         provable=reading.provable(made.folder),
         distance=manifest["program"]["loss"] if manifest["oracle"] else None,
-        ending=COMPLETE,
+        ending=ending,
         program=text,
         oracle=reading.oracle_of(manifest),
-        figures=figures,
+        figures={
+            "asked": job.asked,
+            "resumed": found.resumed,
+            "calls": manifest["calls_of_search"],
+            "search_seconds": manifest["seconds_of_search"],
+            "pairs": points,
+            "rank_correlation": reading.correlation(points),
+            **figures,
+        },
     )
 
 

@@ -12,8 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, assert_never
 
-from benchmarks.study import reading
-from benchmarks.study.classic import Job, run_of
+from benchmarks.study.classic import Job, run_of, with_program, without_program
 from benchmarks.study.records import COMPLETE, TIMEOUT, Record
 from benchmarks.study.rows import TORCS, Lowest, Synthesis, Teacher
 from benchmarks.study.running import Children, Failed, synthesise
@@ -63,53 +62,17 @@ def synthesised(job: Job, children: Children) -> Record:
     """A row of programs: the result, and what Algorithm 1 alone had found."""
     made = run_of(job)
     found = synthesise(made, children)
-    took, manifest = found.took, found.manifest
-    figures: dict[str, Any] = {"asked": job.asked, "resumed": found.resumed}
+    manifest = found.manifest
     if manifest is None:
-        return Record(
-            suite=TORCS,
-            method=job.row.method,
-            environment=job.place.name,
-            seed=job.seed,
-            command=made.command,
-            core_seconds=took and round(took.core, 1),
-            wall_seconds=took and round(took.wall, 1),
-            ending=found.ending,
-            figures={**figures, "why": found.why},
-        )
-    text, imitated = manifest["program"]["text"], manifest["imitated"]
-    races = {FINAL: race_of(text, job.place.name)}
+        return without_program(TORCS, job, made, found)
+    imitated = manifest["imitated"]
+    races = {FINAL: race_of(manifest["program"]["text"], job.place.name)}
+    figures: dict[str, Any] = {"races": races}
     if imitated is not None:
         races[IMITATED] = race_of(imitated["text"], job.place.name)
         figures |= {"imitated_size": imitated["size"], "imitated_program": imitated["text"]}
-    points = reading.pairs(made.folder)
-    figures |= {
-        "races": races,
-        "calls": manifest["calls_of_search"],
-        "search_seconds": manifest["seconds_of_search"],
-        "pairs": points,
-        "rank_correlation": reading.correlation(points),
-    }
-    code, step = reading.cost(text)
-    return Record(
-        suite=TORCS,
-        method=job.row.method,
-        environment=job.place.name,
-        seed=job.seed,
-        command=made.command,
-        returns=reading.return_of(manifest, "program"),
-        size=manifest["program"]["size"],
-        core_seconds=took and round(took.core, 1),
-        wall_seconds=took and round(took.wall, 1),
-        step_nanoseconds=step,
-        code_bytes=code,
-        provable=reading.provable(made.folder),
-        distance=manifest["program"]["loss"] if manifest["oracle"] else None,
-        ending=COMPLETE if races[FINAL]["finished"] else TIMEOUT,
-        program=text,
-        oracle=reading.oracle_of(manifest),
-        figures=figures,
-    )
+    ending = COMPLETE if races[FINAL]["finished"] else TIMEOUT
+    return with_program(TORCS, job, made, found, manifest, figures, ending)
 
 
 def taught(job: Job) -> Record:
