@@ -83,7 +83,7 @@ def measured(quick: bool, runs: int, only: str) -> tuple[list[Curve], int]:
     Every size of every stage once, then all of them again: what disturbs the machine for a while
     disturbs no size more than the others. What is long or costly is run once.
     """
-    from benchmarks.growth.stages import STAGES
+    from benchmarks.growth.suite import STAGES
 
     chosen = [
         (number, stage)

@@ -93,7 +93,7 @@ def timed(work: Callable[[], object], long: bool) -> tuple[float, int]:
 
 
 def _child(stage: int, size: int, answer: IO[str]) -> None:
-    from benchmarks.growth.stages import STAGES
+    from benchmarks.growth.suite import STAGES
 
     if stage < 0:
         json.dump([0.0, 1], answer)
@@ -132,7 +132,7 @@ _UNIT = 1 if sys.platform == "darwin" else 1024
 
 def serve() -> None:
     """Answers jobs, a line of JSON each, until there are no more."""
-    import benchmarks.growth.stages  # noqa: F401 -- loaded before the first fork
+    import benchmarks.growth.suite  # noqa: F401 -- loaded before the first fork
 
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     for line in sys.stdin:

@@ -7,9 +7,12 @@ import subprocess
 import sys
 
 import pytest
+from joblib.externals.loky import get_reusable_executor
 
 from pirlc.cli import main
 from tests.support.command_line import POLE, ROOT, SKETCH, Outcome
+from tests.support.point import ENVIRONMENT as POINT_ENVIRONMENT
+from tests.support.point import SKETCH as POINT_SKETCH
 
 
 @pytest.fixture
@@ -50,3 +53,15 @@ def process(here):
         return Outcome(done.returncode, done.stdout, done.stderr)
 
     return run
+
+
+@pytest.fixture
+def point(here, monkeypatch):
+    """The current folder with a small environment of the user's own, and a sketch for it."""
+    (here / "point_environment.py").write_text(POINT_ENVIRONMENT)
+    (here / "point.pirl").write_text(POINT_SKETCH)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(here / "cache"))
+    # Processes that an earlier test started would not find this folder's modules.
+    get_reusable_executor().shutdown(wait=True)
+    yield here
+    get_reusable_executor().shutdown(wait=True)

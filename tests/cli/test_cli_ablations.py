@@ -11,8 +11,8 @@ import pytest
 from pirlc import resources
 from pirlc.diagnostics import render
 from pirlc.report.problems import NothingFound, describe
-from tests.cli.test_cli_synth import EXPERT, SKETCH, SYNTH, point  # noqa: F401
 from tests.support.command_line import ROOT
+from tests.support.point import EXPERT, SKETCH, SYNTH
 
 SWITCHED = SKETCH.replace("rule Term(x)", "rule Guard = Term(Speed) > ?c\n\nrule Term(x)").replace(
     "| Term(Place) + Term(Speed)", "| if Guard then Law else Law"
@@ -26,7 +26,7 @@ def manifest_in(folder) -> dict:
     return json.loads((folder / "run" / "manifest.json").read_text())
 
 
-def test_no_sketch(pirlc, point):  # noqa: F811
+def test_no_sketch(pirlc, point):
     command = (*QUICK, *IMITATE, "--no-sketch", "-o", "run", "--json")
     outcome = pirlc(*command)
     assert (outcome.code, outcome.data["ending"]) == (0, "finished")
@@ -55,7 +55,7 @@ def test_no_sketch(pirlc, point):  # noqa: F811
     assert pirlc(*same).data["program"] == outcome.data["program"]
 
 
-def test_no_if(pirlc, point):  # noqa: F811
+def test_no_if(pirlc, point):
     (point / "point.pirl").write_text(SWITCHED)
     outcome = pirlc(*QUICK, *IMITATE, "--no-if", "-o", "run", "--json")
     assert (outcome.code, outcome.codes) == (0, [])
@@ -84,7 +84,7 @@ def test_no_if_where_nothing_is_left(pirlc, here):
     assert not (here / "run").exists()
 
 
-def test_all_ablations_that_go_together(pirlc, point):  # noqa: F811
+def test_all_ablations_that_go_together(pirlc, point):
     options = ("--no-oracle", "--no-sketch", "--no-if", "--no-refine")
     outcome = pirlc(*SYNTH, "--pool", "2", *options, "-o", "run", "--budget", "40", "--json")
     assert outcome.code == 0
@@ -93,7 +93,7 @@ def test_all_ablations_that_go_together(pirlc, point):  # noqa: F811
     assert "by return alone" in (point / "run" / "point.pirl").read_text()
 
 
-def test_those_that_do_not(pirlc, point):  # noqa: F811
+def test_those_that_do_not(pirlc, point):
     outcome = pirlc(*SYNTH, "--no-oracle", "--no-augment", "-o", "run")
     assert outcome.code == 2
     assert outcome.err.rstrip().endswith(
@@ -109,7 +109,7 @@ def test_those_that_do_not(pirlc, point):  # noqa: F811
 @pytest.mark.parametrize(
     "search", [IMITATE, pytest.param(("--no-oracle",), marks=pytest.mark.slow)]
 )
-def test_a_timeout(pirlc, point, search):  # noqa: F811
+def test_a_timeout(pirlc, point, search):
     command = (*QUICK, *search, "-o", "run", "--json")
     outcome = pirlc(*command, "--time", "1e-9")
     assert (outcome.code, outcome.codes) == (3, ["E0725"])
@@ -133,7 +133,7 @@ def test_a_timeout(pirlc, point, search):  # noqa: F811
     assert pirlc(*command).data["program"] == finished.data["program"]
 
 
-def test_a_timeout_in_words(pirlc, point):  # noqa: F811
+def test_a_timeout_in_words(pirlc, point):
     outcome = pirlc(*QUICK, *IMITATE, "-o", "run", "--time", "1e-9")
     assert (outcome.code, outcome.out) == (3, "")
     assert outcome.err.endswith(

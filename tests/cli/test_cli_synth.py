@@ -9,80 +9,10 @@ import signal
 import time
 
 import pytest
-from joblib.externals.loky import get_reusable_executor
 
 from tests.support.command_line import ROOT
+from tests.support.point import EXPERT, GUIDED, SKETCH, SYNTH
 from tests.support.processes import started
-
-ENVIRONMENT = '''
-"""A point on a line, pushed by the action; the nearer to 0 it stays, the better."""
-
-import gymnasium as gym
-import numpy as np
-from gymnasium import spaces
-
-
-class Point(gym.Env):
-    observation_space = spaces.Box(-2.0, 2.0, (2,))
-    action_space = spaces.Box(-1.0, 1.0, (1,))
-
-    def __init__(self, fault=""):
-        self.fault = fault
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.place, self.speed = self.np_random.uniform(-1, 1), 0.0
-        return self._seen(), {}
-
-    def step(self, action):
-        self.speed += 0.3 * float(action[0])
-        self.place += 0.3 * self.speed
-        if self.fault == "raises":
-            raise RuntimeError("the belt slipped")
-        reward = float("nan") if self.fault == "nan" else -abs(self.place)
-        return self._seen(), reward, False, False, {}
-
-    def _seen(self):
-        return np.array([self.place, self.speed], dtype=np.float32)
-
-
-gym.register("Point-v0", entry_point=Point, max_episode_steps=12)
-
-
-def expert(observation):
-    return -2.0 * observation[0] - 1.5 * observation[1]
-'''
-
-SKETCH = """policy point
-
-environment "point_environment:Point-v0"
-
-sensor Place : [-2, 2] = 0
-sensor Speed : [-2, 2] = 1
-
-action Push : [-1, 1] safe 0 = Law
-
-rule Law = Term(Place)
-         | Term(Place) + Term(Speed)
-
-rule Term(x) = ?k * peek(x, -1)
-"""
-
-
-@pytest.fixture
-def point(here, monkeypatch):
-    (here / "point_environment.py").write_text(ENVIRONMENT)
-    (here / "point.pirl").write_text(SKETCH)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(here / "cache"))
-    # Processes that an earlier test started would not find this folder's modules.
-    get_reusable_executor().shutdown(wait=True)
-    yield here
-    get_reusable_executor().shutdown(wait=True)
-
-
-SYNTH = ("synth", "point.pirl", "--trust", "--episodes", "20", "--workers", "1")
-GUIDED = ("--oracle", "point_environment:expert")
-EXPERT = (*GUIDED, "--optimizer", "casadi")
 
 
 def test_everything_asked_for_is_in_the_folder(pirlc, point):
